@@ -1,6 +1,6 @@
 """Face Poser: interactive posing of 3D faces with learned priors.
 
-In Python, ``faceposer.load("man")`` gives a face to pose (docs/api.md).
+In Python, ``faceposer.load("man")`` returns a face to pose (docs/api.md).
 """
 
 from typing import TYPE_CHECKING, Any
@@ -32,8 +32,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # The commands import this package too, and most of them need nothing of the interface.
-    if name == "subjects":  # the earlier name of this function
+    # Imported lazily, since commands import this package too, and most of them do not need the interface.
+    if name == "subjects":  # former name of this function
         name = "characters"
     if name in __all__:
         from faceposer import api

@@ -1,4 +1,4 @@
-"""Runs the command line as ``python -m faceposer``."""
+"""Entry point of ``python -m faceposer``."""
 
 from faceposer.cli import main
 

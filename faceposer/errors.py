@@ -1,4 +1,4 @@
-"""Errors that a user can cause and mend, warnings of what may not be as it was meant, and text that is safe to show."""
+"""Errors that a user can cause and fix, warnings about possibly unintended results, and text that is safe to show."""
 
 import unicodedata
 
@@ -6,9 +6,9 @@ _LONGEST_NAME, _LONGEST_MESSAGE = 80, 1000
 
 
 class FacePoserError(Exception):
-    """A problem told to the user in one sentence: what is wrong, where, and what to do about it.
+    """A problem reported to the user in one sentence: what is wrong, where, and how to fix it.
 
-    What a message quotes from files is shown by ``printable``.
+    Text quoted from files is displayed by ``printable``.
     """
 
     def __init__(self, message: object = "") -> None:
@@ -16,11 +16,11 @@ class FacePoserError(Exception):
 
 
 class NoWindowError(FacePoserError):
-    """The system shows no window: it has no display, or no OpenGL that is up to it. All but the window still works."""
+    """The system cannot show a window, because there is no display or no sufficient OpenGL; commands still work."""
 
 
 class FacePoserWarning(UserWarning):
-    """A remark told to the user of Python's interface: what was changed, or may not be as it was meant."""
+    """A remark for users of the Python interface about changes or possibly unintended results."""
 
 
 def printable(text: str, most: int = _LONGEST_MESSAGE) -> str:

@@ -1,4 +1,4 @@
-"""Progress of long work, and its cancellation: the one way in which long functions report and stop."""
+"""Progress and cancellation of long functions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from faceposer.errors import FacePoserError
 
 
 class CancelledError(FacePoserError):
-    """The user cancelled a long piece of work; nothing of it was kept."""
+    """The user cancelled the work; nothing was written."""
 
     def __init__(self) -> None:
         super().__init__("The work was cancelled; nothing was written.")
@@ -19,30 +19,30 @@ def _ignore(_stage: str, _share: float) -> None:
 
 @dataclass(frozen=True)
 class Progress:
-    """Reports the progress of long work, and says when to stop.
+    """Progress reports and cancellation of a long function.
 
     Attributes:
-        show: Called with the name of a stage and the share of it that is done, 0 to 1; 0 where that is unknown.
-        cancelled: Whether the user wants to stop.
+        show: Callback for the name of a stage and its completed share, 0 to 1, or 0 if unknown.
+        cancelled: Returns True if the user has cancelled the work.
     """
 
     show: Callable[[str, float], None] = _ignore
     cancelled: Callable[[], bool] = lambda: False
 
     def at(self, stage: str, share: float = 0.0) -> None:
-        """Report that ``share``, 0 to 1, of ``stage`` is done.
+        """Report that the ``share``, 0 to 1, of ``stage`` is done.
 
         Raises:
-            CancelledError: If the user wants to stop.
+            CancelledError: If the user has cancelled the work.
         """
         self.check()
         self.show(stage, share)
 
     def check(self) -> None:
-        """Stop if the user wants to.
+        """Stop if the work is cancelled.
 
         Raises:
-            CancelledError: If so.
+            CancelledError: If the user has cancelled the work.
         """
         if self.cancelled():
             raise CancelledError

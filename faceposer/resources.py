@@ -1,4 +1,4 @@
-"""Finds the shaders and the assets, installed or in a checkout, and the fonts."""
+"""Paths of shaders, assets and fonts, in an installation or a checkout."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,7 +9,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def _data_dir(kind: str) -> Path:
-    """Return the folder ``kind`` ("assets" or "shaders"): inside the package in a wheel, beside it in a checkout."""
+    """Return the folder ``kind`` ("assets" or "shaders"): inside the package in a wheel, next to it in a checkout."""
     for parent in (_PACKAGE, _PACKAGE.parent):
         if (parent / kind).is_dir():
             return parent / kind
@@ -37,12 +37,12 @@ def shader_text(name: str) -> str:
 
 
 def fonts_folder() -> Path:
-    """Return the folder of the fonts that come with Dear ImGui's package.
+    """Return the folder of the fonts in the package of Dear ImGui.
 
     Raises:
         FacePoserError: If the package is not installed.
     """
-    found = find_spec("imgui_bundle")
-    if found is None or found.origin is None:
+    spec = find_spec("imgui_bundle")
+    if spec is None or spec.origin is None:
         raise FacePoserError("The fonts are missing; install Face Poser again.")
-    return Path(found.origin).parent / "assets" / "fonts"
+    return Path(spec.origin).parent / "assets" / "fonts"

@@ -1,11 +1,11 @@
-# Shared set-up of scripts/run and scripts/test; to be sourced from the root of the checkout:
+# Shared set-up of scripts/run, scripts/test and scripts/docs; to be sourced from the root of the checkout:
 #
 #     . scripts/_setup.sh EXTRA PACKAGE...
 #
-# Puts the project's environment, .venv, first on PATH: Face Poser itself with what it needs from PyPI, and with the
-# optional dependencies EXTRA of pyproject.toml ("" for none). The Debian packages PACKAGE... are installed where that is
-# allowed, and unpacked into .cache/system where it is not. All this happens once; a stamp remembers it until
-# pyproject.toml or these scripts change, or the checkout moves.
+# Puts the project's environment, .venv, first on PATH: Face Poser with its dependencies from PyPI and the optional
+# dependencies EXTRA of pyproject.toml ("" for none). The Debian packages PACKAGE... are installed if permissions allow,
+# otherwise unpacked into .cache/system. This happens once; a stamp file records it until pyproject.toml or these scripts
+# change, or the checkout moves.
 
 setup_extra=$1
 shift
@@ -15,7 +15,7 @@ setup_key="$(cat pyproject.toml scripts/_setup.sh scripts/_system.sh | cksum) $P
 
 setup_say() { echo "Face Poser: $*" >&2; }
 
-# Prints the first Python that will do. imgui-bundle publishes builds for 3.11 to 3.13.
+# Prints the first suitable Python. imgui-bundle publishes builds for 3.11 to 3.13.
 setup_find_python() {
     local candidate
     for candidate in ${FACEPOSER_PYTHON:-python3 python3.13 python3.12 python3.11}; do
@@ -40,14 +40,14 @@ setup_environment() {
     system_packages "${packages[@]}"
 
     setup_say "setting up the Python environment in .venv (once; this downloads about 100 MB)"
-    # Its programs name the path of the environment, which must therefore be made anew where the checkout has moved.
+    # Its programs contain the path of the environment, which must therefore be recreated if the checkout has moved.
     if ! { grep -qF "$PWD/.venv" .venv/bin/activate && .venv/bin/python -m pip --version; } >/dev/null 2>&1; then
         if "$python" -c 'import ensurepip' 2>/dev/null; then
             "$python" -m venv --clear .venv || return
         else
             pip_wheel=$(find "$PWD/.cache/system" -name 'pip-*.whl' 2>/dev/null | head -n 1)
             if [ -z "$pip_wheel" ]; then
-                setup_say "this Python cannot make a virtual environment; install the package python3-venv."
+                setup_say "this Python cannot create a virtual environment; install the package python3-venv."
                 return 1
             fi
             "$python" -m venv --clear --without-pip .venv || return
@@ -55,7 +55,7 @@ setup_environment() {
         fi
     fi
     .venv/bin/python -m pip install --quiet --disable-pip-version-check --editable ".${setup_extra:+[$setup_extra]}" || {
-        setup_say "the libraries could not be installed; the lines above say why. Start again when that is mended."
+        setup_say "the libraries could not be installed; see the messages above, and start again after fixing the cause."
         return 1
     }
     echo "$setup_key" >.venv/.ready
@@ -67,7 +67,7 @@ setup_is_ready() { [ "$(cat "$setup_stamp" 2>/dev/null)" = "$setup_key" ] && [ -
 if ! setup_is_ready; then
     mkdir -p .cache
     exec 9>.cache/setup.lock
-    # Of two scripts started at once, the second waits and finds all done.
+    # If two scripts start at once, the second waits for the first.
     if command -v flock >/dev/null; then flock 9; fi
     unset PYTHONHOME PYTHONPATH PIP_TARGET PIP_USER
     setup_is_ready || setup_environment "$@" || exit 1

@@ -1,7 +1,7 @@
-# System packages for scripts/_setup.sh; to be sourced. Offers system_packages PACKAGE...
+# System packages for scripts/_setup.sh; to be sourced. Defines system_packages PACKAGE...
 
-# Installs the Debian packages that are missing: into the system as root or with a sudo that asks nothing, else unpacked
-# into .cache/system. Elsewhere than on Debian and its kin it does nothing: what is missing there, the program names.
+# Installs missing Debian packages: into the system as root or with passwordless sudo, otherwise unpacked into
+# .cache/system. On other systems it does nothing; the program reports missing libraries.
 system_packages() {
     local missing=() package as_root=()
     command -v dpkg-query >/dev/null && command -v apt-get >/dev/null || return 0
@@ -21,43 +21,43 @@ system_packages() {
                     install --no-install-recommends "${missing[@]}"
         } >.cache/system.log 2>&1 && return
     else
-        setup_say "unpacking the system packages ${missing[*]} into .cache/system, as installing them takes root"
+        setup_say "unpacking the system packages ${missing[*]} into .cache/system, since installing them requires root"
         system_unpack "${missing[@]}" >.cache/system.log 2>&1 && return
     fi
     tail -n 3 .cache/system.log >&2
-    setup_say "these packages could not be had, so some of the following may fail: ${missing[*]}"
+    setup_say "these packages could not be installed, so later steps may fail: ${missing[*]}"
 }
 
 system_has() { dpkg-query -W -f '${db:Status-Status}\n' "$1" 2>/dev/null | grep -qx installed; }
 
-# Downloads the packages, and what they need beyond what is installed, with APT's state kept in .cache/apt; unpacks them
-# into .cache/system, and writes there the environment in which programs find them.
+# Downloads the packages and their missing dependencies, with APT's state in .cache/apt; unpacks them into .cache/system,
+# and writes a file with the environment variables that programs need to find them.
 system_unpack() {
     local apt=$PWD/.cache/apt root=$PWD/.cache/system deb
     local options=(-qq -o Debug::NoLocking=true -o "Dir::State::Lists=$apt/lists" -o "Dir::Cache=$apt"
         -o "Dir::Cache::Archives=$apt/archives" -o APT::Sandbox::User=)
     mkdir -p "$apt/lists/partial" "$apt/archives/partial"
     apt-get "${options[@]}" update || return
-    # pip lies in its own package, which python3-venv would bring; the rest of python3-venv is of use only when installed.
+    # pip is in its own package, a dependency of python3-venv, the rest of which works only when installed.
     apt-get "${options[@]}" -y --no-install-recommends --download-only install "${@/python3-venv/python3-pip-whl}" || return
     rm -rf "$root"
     mkdir -p "$root"
     for deb in "$apt"/archives/*.deb; do
-        # An upgrade of an installed library, the C library above all, must not mix with the installed version.
+        # An upgrade of an installed library, the C library in particular, must not be mixed with the installed version.
         system_has "$(dpkg-deb -f "$deb" Package)" || dpkg-deb -x "$deb" "$root" || return
     done
     rm -rf "$apt"
     system_relocate "$root"
 }
 
-# Makes the programs and libraries unpacked in ROOT find their parts there, and writes ROOT/environment.sh for that.
+# Relocates the programs and libraries unpacked in ROOT, and writes ROOT/environment.sh.
 system_relocate() {
     local root=$1 libraries
     libraries=$(find "$root/usr/lib" -maxdepth 1 -type d -name '*-linux-gnu*' | head -n 1)
     mkdir -p "$root/bin" "$root/python"
     if [ -x "$root/usr/bin/Xvfb" ]; then
-        # Xvfb calls /usr/bin/xkbcomp and opens drivers below /usr/lib. With these folders' names cut away it looks for
-        # the one on PATH, and for the others from its working directory.
+        # Xvfb calls /usr/bin/xkbcomp and opens drivers below /usr/lib. With these paths shortened, it searches the former
+        # on PATH, and the latter in its working directory.
         python3 - "$root/usr/bin/Xvfb" "/usr/lib/${libraries##*/}/dri" <<'PYTHON' || return
 import sys
 from pathlib import Path
@@ -77,7 +77,7 @@ SHELL
         chmod +x "$root/bin/Xvfb"
     fi
     cat >"$root/python/sitecustomize.py" <<'PYTHON'
-"""Lets ctypes find the libraries on LD_LIBRARY_PATH, for which it would need a linker."""
+"""Let ctypes find libraries on LD_LIBRARY_PATH without a linker."""
 
 import ctypes.util
 import os

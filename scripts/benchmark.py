@@ -1,28 +1,28 @@
 #!/usr/bin/env python3
-"""Measure what a user waits for, with what it is to be compared with, all in one run.
+"""Measure the response times of the program and of other techniques in one run.
 
     python scripts/benchmark.py --json benchmark.json
 
-Rows are medians and 99th percentiles in milliseconds. `drag/N` is the way from a mouse move, one of N points being
-dragged, to new vertices and normals; `solve/points-4/...` is a warm solve alone. The other rows `solve/...` and
-`scaling/...` are live drags, the building of the problem included: four distances, one being set by a slider; a stroke
-of so many pixels, its target being dragged; a curve with five control points, one being dragged; five points being
-dragged while so many vertices are fixed (the paper's figure 14). `pick/...` is from the pixels of a stroke to points of
-the face; `start` is from the command to the first frame.
+Rows are medians and 99th percentiles in milliseconds. `drag/N` is the time from a mouse move, with one of N points
+being dragged, to new vertices and normals; `solve/points-4/...` is a warm solve alone. The other rows `solve/...` and
+`scaling/...` are live drags, including the set-up of the problem: four distances, one of them set with a slider; a
+stroke of a number of pixels, with its target being dragged; a curve with five control points, one of them being
+dragged; five points being dragged with a number of fixed vertices (the paper's figure 14). `pick/...` is from the
+pixels of a stroke to points of the face; `start` is from the command to the first frame.
 
-With FACEPOSER_CAPTURES set, `scaling/examples-...` compares priors learned from so many frames, which takes minutes.
-`rivals/...` are then cold solves, problem building included, of ours (`mfa`), of the same objective with numerical
-gradients and of the other techniques of the evaluation, on the same unseen trials, with the 3D errors relative to the
-neutral face's; `arap-factorised` is without the factorisation that a new set of handles costs.
+With FACEPOSER_CAPTURES set, `scaling/examples-...` compares priors learned from different numbers of frames, which
+takes minutes. `rivals/...` are then solves from the neutral face, including the set-up of the problem, of ours (`mfa`),
+of the same objective with numerical gradients and of the other techniques of the evaluation, on the same unseen trials,
+with 3D errors relative to the neutral face; `arap-factorised` excludes the factorisation for a new set of handles.
 
-Last comes a table of ratios of these times: what is asked for, and whether it is met.
+The last table compares ratios of these times with their targets.
 """
 
 import os
 
 THREADS = 1
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    # Before NumPy is imported: threads cost more than they bring where matrices are small.
+    # Set before NumPy is imported: threads slow down operations on small matrices.
     os.environ[variable] = str(THREADS)
 
 import argparse
@@ -60,7 +60,7 @@ FEATURES = ("8.3", "8.4", "2.1", "4.1", "4.2", "5.3", "8.1", "3.3")
 
 
 def pins(model: FaceModel, camera: Camera, count: int) -> list[PointConstraint]:
-    """Return ``count`` points that lie where they are on the neutral face."""
+    """Return ``count`` point constraints at their positions on the neutral face."""
     features = model.character.feature_points
     anchors = [SurfacePoint.at_vertex(model.triangles, features[name]) for name in FEATURES[:count]]
     pixels = camera.project(surface_positions(model.character.vertices, model.triangles, anchors))
@@ -99,7 +99,7 @@ def solve_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
             "pca": PoseProblem(model, constraints, bare=True),
             "finite-difference": FiniteDifferences(model, constraints),
         }
-        # One after another at every move, so that all three meet the machine in the same state.
+        # Interleaved at every move, so that other load affects all three equally.
         for name, problem in problems.items():
             began = time.perf_counter()
             poses[name] = solve(problem, poses[name]).coefficients
@@ -108,7 +108,7 @@ def solve_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
 
 
 def start_row(repeats: int) -> Row:
-    """Measure from the command to the window's first frame, in new processes."""
+    """Measure the time from the command to the window's first frame, in new processes."""
     command = [sys.executable, "-m", "faceposer", "--exit-after-first-frame"]
     times = []
     for attempt in range(repeats + 1):
@@ -124,7 +124,7 @@ def start_row(repeats: int) -> Row:
 
 
 def machine() -> Row:
-    """Return what the figures depend on."""
+    """Return the properties of the machine that affect the results."""
     model = ""
     info = Path("/proc/cpuinfo")
     if info.exists():
@@ -143,15 +143,15 @@ def machine() -> Row:
 def main() -> None:
     """Run all measurements and print them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, help="write the rows to this file")
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
     parser.add_argument("--character", default="man", help="character to measure on (default: man)")
     parser.add_argument("--moves", type=int, default=400, help="mouse moves per drag (default: 400)")
-    parser.add_argument("--no-examples", action="store_true", help="leave out 'scaling/examples-...', which learns")
+    parser.add_argument("--no-examples", action="store_true", help="skip 'scaling/examples-...', which learns priors")
     parser.add_argument("--trials", type=int, default=60, help="trials of each row of rivals (default: 60; 0 for none)")
-    parser.add_argument("--no-start", action="store_true", help="leave out the row 'start', which opens windows")
+    parser.add_argument("--no-start", action="store_true", help="skip the row 'start', which opens windows")
     options = parser.parse_args()
 
-    # First, so that a missing display does not cost the minutes of all the rest.
+    # First, so that a missing display is detected before the other measurements.
     start = [] if options.no_start else [start_row(5)]
     model = build_face_model(load_character(options.character))
     vertices = model.character.vertices

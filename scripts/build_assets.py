@@ -1,10 +1,10 @@
-"""Builds ``assets/characters/*.npz`` from CC0 data, or checks that what is committed is what would be built.
+"""Build ``assets/characters/*.npz`` from CC0 data, or check the committed files against a rebuild.
 
 Run from the root of a checkout::
 
-    python -m scripts.build_assets                  # downloads the source data into a cache folder, then builds
-    python -m scripts.build_assets --check          # rebuilds in memory and compares with the committed files
-    python -m scripts.build_assets --examples DIR   # writes the creature's neutral face and its examples as OBJ
+    python -m scripts.build_assets                  # download the source data into a cache folder, then build
+    python -m scripts.build_assets --check          # rebuild in memory and compare with the committed files
+    python -m scripts.build_assets --examples DIR   # write the creature's neutral face and its examples as OBJ
 """
 
 import argparse
@@ -34,14 +34,14 @@ from scripts.asset_building.identity import RECIPES
 from scripts.asset_building.low_poly import build_low
 from scripts.asset_building.source import Source, download_wheel
 
-#: Largest difference that a rebuild on another machine may show: in centimetres, and in grey levels on average.
+#: Tolerances of a rebuild on another machine: in centimetres, and mean grey levels.
 _LENGTH_TOLERANCE, _COLOUR_TOLERANCE = 1e-3, 1.5
-#: And in the moments of the weights of modes, whose own are about 1.
+#: Tolerance of the moments of mode weights, which are about 1.
 _WEIGHT_TOLERANCE = 1e-2
 
 
 def differences(built: Character, stored: Character) -> list[str]:
-    """Return what differs between two characters beyond rounding, a few words each."""
+    """Return short descriptions of the differences between two characters beyond rounding."""
     names = ("name", "title", "parts", "shape_names", "feature_points", "feature_titles", "credits")
     found = [name for name in names if getattr(built, name) != getattr(stored, name)]
     for name in ("polygons", "polygon_uvs", "vertices", "uv", "shapes", "shape_limits"):
@@ -62,7 +62,7 @@ def differences(built: Character, stored: Character) -> list[str]:
 
 
 def _look_alike(one: bytes, other: bytes) -> bool:
-    """Return whether two encoded images are the same but for what encoders and rounding make of them."""
+    """Return True if two encoded images are equal up to encoding and rounding."""
     pixels = [np.asarray(Image.open(io.BytesIO(data)), dtype=float) for data in (one, other)]
     return pixels[0].shape == pixels[1].shape and bool(np.abs(pixels[0] - pixels[1]).mean() < _COLOUR_TOLERANCE)
 
@@ -79,7 +79,7 @@ def write_examples(folder: Path, neutral: Character, examples: NDArray[np.float3
 
 
 def learn_creature(builder: Builder) -> Character:
-    """Return the creature as it is learned from its neutral face and its examples."""
+    """Return the creature, learned from its neutral face and its examples."""
     neutral, examples = build_creature(builder)
     options = ExampleOptions(neutral.name, neutral.title, credits=neutral.credits)
     frames = [neutral.vertices, *examples]
@@ -89,12 +89,15 @@ def learn_creature(builder: Builder) -> Character:
 def main() -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--wheel", type=Path, help="the source wheel, if it is already here")
+    parser.add_argument("--wheel", type=Path, help="source wheel, instead of a download")
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "source", help="folder for the download")
-    parser.add_argument("--output", type=Path, default=ROOT / "assets" / "characters", help="folder of the results")
-    parser.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
+    parser.add_argument("--output", type=Path, default=ROOT / "assets" / "characters", help="output folder")
+    parser.add_argument("--check", action="store_true", help="compare with the existing files instead of writing")
     parser.add_argument(
-        "--examples", type=Path, metavar="DIR", help="write only the creature's examples: neutral.obj and one OBJ each"
+        "--examples",
+        type=Path,
+        metavar="DIR",
+        help="write only the creature's examples, as neutral.obj and one OBJ file each",
     )
     options = parser.parse_args()
     builder = Builder(Source(options.wheel or download_wheel(options.cache)))

@@ -1,13 +1,13 @@
-"""Builds ``assets/poses``: seven expressions and thirteen visemes for the faces that come with the program.
+"""Build ``assets/poses``: seven expressions and thirteen visemes for the built-in characters.
 
 Run from the root of a checkout::
 
-    python -m scripts.build_poses             # those for faces with ARKit's shapes, and those for the goblin
-    python -m scripts.build_poses --check     # compares with the committed files instead
-    python -m scripts.build_poses --sheet docs/images/poses.jpg     # draws those that are there, on all faces
+    python -m scripts.build_poses             # poses for faces with ARKit's shapes, and for the goblin
+    python -m scripts.build_poses --check     # compare with the committed files instead
+    python -m scripts.build_poses --sheet docs/images/poses.jpg     # draw the existing poses on all faces
 
-The goblin has no shapes of ARKit: its poses are made as its examples are, from face units (the source data of
-``build_assets.py`` is needed), and written as the weights of its own shapes that come nearest.
+The goblin does not have ARKit's shapes: its poses are built from face units, as its examples are (this requires the
+source data of ``build_assets.py``), and written as the nearest weights of its own shapes.
 """
 
 import argparse
@@ -33,21 +33,21 @@ from scripts.asset_building.creature import build_creature
 from scripts.asset_building.source import Source, download_wheel
 from scripts.asset_building.starter_poses import STARTERS, Starter
 
-#: How far a weight of the goblin's may be off on another machine: its shapes are some centimetres large.
+#: Tolerance of the goblin's weights on another machine; its shapes have a size of some centimetres.
 _TOLERANCE = 0.02
-# Decimals: a thousandth of a shape is not to be seen.
+# Decimals: a thousandth of a shape is not visible.
 _DECIMALS = 3
-#: The sheet: pixels each way of a picture, and pictures in a row.
+#: Width and height of an image of the sheet in pixels, and images per row.
 _SIDE, _ACROSS = 140, 10
 
 
 def people_poses() -> dict[str, Pose]:
-    """Return the poses for all faces with ARKit's shapes, by their files."""
+    """Return the poses for all faces with ARKit's shapes by file name."""
     return {f"{one.stem}.json": _pose(one, one.sided(), "man") for one in STARTERS}
 
 
 def creature_poses(builder: Builder) -> dict[str, Pose]:
-    """Return the poses for the goblin, by their files."""
+    """Return the poses for the goblin by file name."""
     model = build_face_model(load_character("creature"))
     expressions = {one.stem: {**one.weights, **one.creature} for one in STARTERS}
     neutral, faces = build_creature(builder, expressions)
@@ -59,7 +59,7 @@ def creature_poses(builder: Builder) -> dict[str, Pose]:
 
 
 def _nearest(model: FaceModel, offsets: NDArray[np.float64]) -> dict[str, float]:
-    """Return the weights within their limits whose face comes nearest to ``offsets`` from neutral, shape (N, 3)."""
+    """Return the weights within their limits that best fit the ``offsets`` from neutral, shape (N, 3)."""
     shapes = model.character.shapes.reshape(len(model.character.shapes), -1).astype(np.float64)
     weights = np.linalg.solve(model.gram, shapes @ offsets.ravel())
     return fit_weights(model, model.coefficients_of(weights))
@@ -71,7 +71,7 @@ def _pose(one: Starter, weights: dict[str, float], character: str) -> Pose:
 
 
 def differences(built: Pose, path: Path) -> str:
-    """Return what differs between ``built`` and the file ``path``, or ""."""
+    """Return a description of the differences between ``built`` and the file ``path``, or ""."""
     if not path.is_file():
         return "is missing"
     stored = read_pose(path)
@@ -88,7 +88,7 @@ def differences(built: Pose, path: Path) -> str:
 
 
 def draw_sheet(path: Path) -> None:
-    """Draw the poses on all faces that come with the program, two rows for each."""
+    """Draw the poses on all built-in characters, two rows for each."""
     sheet = Image.new("RGB", (_ACROSS * _SIDE, 2 * len(characters()) * _SIDE))
     for i, character in enumerate(characters()):
         face = load(character)
@@ -105,11 +105,11 @@ def draw_sheet(path: Path) -> None:
 def main() -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--wheel", type=Path, help="the source wheel, if it is already here")
+    parser.add_argument("--wheel", type=Path, help="source wheel, instead of a download")
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "source", help="folder for the download")
-    parser.add_argument("--output", type=Path, default=ROOT / "assets" / "poses", help="folder of the results")
-    parser.add_argument("--check", action="store_true", help="compare with what is there instead of writing")
-    parser.add_argument("--sheet", type=Path, metavar="FILE", help="only draw the poses that are there")
+    parser.add_argument("--output", type=Path, default=ROOT / "assets" / "poses", help="output folder")
+    parser.add_argument("--check", action="store_true", help="compare with the existing files instead of writing")
+    parser.add_argument("--sheet", type=Path, metavar="FILE", help="only draw the existing poses to this file")
     options = parser.parse_args()
     if options.sheet is not None:
         draw_sheet(options.sheet)

@@ -1,21 +1,21 @@
 #!/usr/bin/env python3
-"""Compare what a stroke can pull by: the paper's difference of images, distances both ways, and distances one way.
+"""Compare energies of strokes: the paper's difference of images, distances in both directions, and in one.
 
     FACEPOSER_CAPTURES=FOLDER python scripts/compare_strokes.py --json strokes.json
 
 Learned from take 3, tested on take 4, as in ``evaluate.py``. On the neutral face a stroke of 450 or 900 pixels is drawn
-along a feature (brow, lip, cheek, lid); its target is the same line of the skin as an unseen frame shows it. All
-methods start from the neutral face and run the same solver.
+along a feature (brow, lip, cheek, lid); its target is the same line of the skin in an unseen frame. All methods start
+from the neutral face and use the same solver.
 
   same     the target has the extent of the source
-  longer   the target is a quarter longer, as when a hand does not stop where the feature does
+  longer   the target is a quarter longer, as when a hand does not stop at the end of the feature
   shorter  the target is a quarter shorter
-  noisy    the hand misses by 1.5 px, and the stroke is smoothed as the window does it
+  noisy    a deviation of the hand of 1.5 px, with the smoothing of the window
   far      as "same", on the lower lip and in frames with the jaw wide open
 
   image           the paper's energy, eqs. (12), (13) and (27)
-  distance        what ships: source to target, target to source, and centres
-  forward         source to target alone
+  distance        the default: source to target, target to source, and centres
+  forward         source to target only
   forward+centre  source to target, and centres
   both            source to target and target to source, without centres
 
@@ -60,7 +60,7 @@ SIZE = (1280, 800)
 PIXELS = (450, 900)
 SITUATIONS = ("same", "longer", "shorter", "noisy", "far")
 NOISE_PX = 1.5
-# Below that mean motion a line has nothing to show; above that weight the jaw is wide open.
+# Least mean motion of a line; weight above which the jaw is wide open.
 MOVES_PX, WIDE_OPEN = 3.0, 0.45
 REGIONS = {
     "brow_left": "brow_left",
@@ -76,13 +76,13 @@ REGIONS = {
 
 @dataclass(frozen=True)
 class Method:
-    """An energy, and factors on the parts of the one that measures distances.
+    """An energy, with factors on the terms of the distance energy.
 
     Attributes:
-        energy: Which of the two.
-        strength: Factor on all parts.
-        reverse: Factor on the way from target to source.
-        centre: Factor on the pull between the centres.
+        energy: "distance" or "image".
+        strength: Factor on all terms.
+        reverse: Factor on the distances from target to source.
+        centre: Factor on the term between the centres.
     """
 
     energy: StrokeEnergy = "distance"
@@ -91,7 +91,7 @@ class Method:
     centre: float = 1.0
 
     def problem(self, model: FaceModel, stroke: StrokeConstraint) -> PoseProblem:
-        """Return the problem of posing ``model`` by ``stroke``."""
+        """Return the problem of posing ``model`` with ``stroke``."""
         stroke = replace(stroke, energy=self.energy, weight=self.strength)
         problem = PoseProblem(model, [stroke])
         n = len(stroke.points)
@@ -118,7 +118,7 @@ CONSTANTS = {
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One test: a stroke, the vertices of the frame that it was taken from, and those of them that it is about."""
+    """A stroke, the vertices of its frame, and the ids of the vertices to evaluate."""
 
     stroke: StrokeConstraint
     truth: np.ndarray
@@ -126,7 +126,7 @@ class Trial:
 
 
 def target_of(line: np.ndarray, situation: str, rng: np.random.Generator) -> np.ndarray:
-    """Return what is drawn, shape (m, 2), where the feature lies at ``line``, shape (n, 2)."""
+    """Return the drawn target, shape (m, 2), for a feature at ``line``, shape (n, 2)."""
     if situation in ("longer", "shorter"):
         return of_length(line, 1.25 if situation == "longer" else 0.75)
     if situation == "noisy":
@@ -138,7 +138,7 @@ def target_of(line: np.ndarray, situation: str, rng: np.random.Generator) -> np.
 def make_trials(
     model: FaceModel, frames: np.ndarray, camera: Camera, situation: str, pixels: int, poses: int, seed: int
 ) -> Iterator[Trial]:
-    """Yield ``poses`` trials, one line after another, each from another frame in which its line moves."""
+    """Yield ``poses`` trials, cycling through the lines, each from a different frame in which its line moves."""
     rng = np.random.default_rng([seed, SITUATIONS.index(situation), pixels])
     character = model.character
     jaw = character.shape_names.index("jawOpen")
@@ -168,7 +168,7 @@ def make_trials(
 
 
 def judge(model: FaceModel, name: str, method: Method, trials: list[Trial]) -> dict[str, object]:
-    """Return what came of ``trials`` by ``method``."""
+    """Return the results of ``method`` on ``trials``."""
     errors, neutral_errors, pixels, times, evaluations = [], [], [], [], []
     for trial in trials:
         began = time.perf_counter()
@@ -180,7 +180,7 @@ def judge(model: FaceModel, name: str, method: Method, trials: list[Trial]) -> d
         errors.append(float(np.linalg.norm(reached - truth, axis=1).mean()))
         neutral = model.character.vertices[trial.region]
         neutral_errors.append(float(np.linalg.norm(neutral - truth, axis=1).mean()))
-        # The same measure for all, whatever they minimise.
+        # The same measure for all methods.
         pixels.append(trial.stroke.residual_px(model, solution.coefficients))
     return {
         "method": name,
@@ -194,14 +194,14 @@ def judge(model: FaceModel, name: str, method: Method, trials: list[Trial]) -> d
 
 
 def main() -> None:
-    """Train, test and print."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, help="write the rows to this file")
-    parser.add_argument("--character", default="man", help="face to pose (default: man)")
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
+    parser.add_argument("--character", default="man", help="character to pose (default: man)")
     parser.add_argument("--poses", type=int, default=80, help="test frames per situation (default: 80)")
-    parser.add_argument("--examples", type=int, default=Recipe().n_examples, help="to learn the prior from")
-    parser.add_argument("--seed", type=int, default=0, help="of frames and noise (default: 0)")
-    parser.add_argument("--constants", action="store_true", help="vary the constants of the distances too")
+    parser.add_argument("--examples", type=int, default=Recipe().n_examples, help="capture to learn the prior from")
+    parser.add_argument("--seed", type=int, default=0, help="seed of frames and noise (default: 0)")
+    parser.add_argument("--constants", action="store_true", help="also vary the constants of the distances")
     options = parser.parse_args()
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder:

@@ -1,6 +1,6 @@
-"""Hooks of MkDocs (mkdocs.yml): pages from files outside docs/, and links to files that are no pages.
+"""Hooks of MkDocs (mkdocs.yml): pages from files outside docs/, and links to files that are not pages.
 
-The same links hold on the code host, where a page is a file of the repository.
+The same links work on the code host, where a page is a file of the repository.
 """
 
 import logging
@@ -15,14 +15,14 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-#: Files outside docs/ that are pages of the site, and the pages that they become.
+#: Files outside docs/ that are pages of the site, and the names of these pages.
 PAGES = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "SECURITY.md": "security.md",
     "assets/README.md": "assets.md",
 }
-#: The page that stands for the README: its first screens are the site's own home page.
+#: The page that replaces the README: the home page of the site has the same beginning.
 HOME = {"README.md": "index.md"}
 
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)\s]+)\)")
@@ -31,14 +31,14 @@ _log = logging.getLogger("mkdocs.hooks.links")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that lie outside docs/."""
+    """Add the pages from files outside docs/."""
     for source, page in PAGES.items():
         files.append(File.generated(config, page, content=(ROOT / source).read_text(encoding="utf-8")))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Let links of ``markdown`` that lead out of docs/ lead to pages, or to the files at the code host."""
+    """Redirect links of ``markdown`` to files outside docs/ to pages of the site or to the code host."""
     sources = {target: ROOT / source for source, target in PAGES.items()}
     source = sources.get(page.file.src_uri, DOCS / page.file.src_uri)
 

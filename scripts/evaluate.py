@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compare the prior with other techniques on expressions that it has never seen: ``faceposer evaluate``.
+"""Compare the prior with other techniques on unseen expressions: ``faceposer evaluate``.
 
 FACEPOSER_CAPTURES=FOLDER python scripts/evaluate.py --output evaluation
 """

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Make the gallery: the program on a virtual display, driven by another program's pointer and keys alone.
+"""Make the images of the gallery with the program on a virtual display, operated by pointer and keys.
 
-    python scripts/gallery.py                 # pictures into docs/images
+    python scripts/gallery.py                 # images into docs/images
     python scripts/gallery.py --only sneer    # one of them
 
-Every event goes to two programs: to the real one, by xdotool, on a display of its own; and to a second one that no
-display shows and that only tells where widgets and features of the face are by now. The pictures are of the real one.
+Every event is sent to two programs: to the real one, by xdotool, on a virtual display; and to a second, hidden one,
+which provides the current positions of widgets and features of the face. The images show the real one.
 """
 
 import argparse
@@ -35,10 +35,10 @@ Offset = tuple[float, float]
 
 
 class Artist:
-    """One hand at two programs."""
+    """User of two programs at once."""
 
     def __init__(self, display: str, screen: Path) -> None:
-        """Work on ``display``, whose picture is the file ``screen``."""
+        """Operate the program on ``display`` with the screen buffer in the file ``screen``."""
         self._screen = screen
         self._environment = os.environ | {"DISPLAY": display}
         self._app = App("man", hidden=True, threaded=False, settings=Settings(window_size=WINDOW, welcome_done=True))
@@ -47,29 +47,29 @@ class Artist:
     def _do(self, *words: object) -> None:
         subprocess.run(["xdotool", *map(str, words)], env=self._environment, check=True, capture_output=True)
 
-    # Where things are
+    # Positions
 
     def at(self, feature: str, offset: Offset = (0.0, 0.0)) -> Position:
-        """Return where a feature point is in the window, moved by ``offset`` pixels."""
+        """Return the position of a feature point in the window plus ``offset`` pixels."""
         x, y = self._robot.at(feature)
         return (round(x + offset[0]), round(y + offset[1]))
 
     def control_point(self, number: int) -> Position:
-        """Return where control point ``number`` of the only curve is."""
+        """Return the position of control point ``number`` of the only curve."""
         (curve,) = (c for c in self._app.session.document.constraints if isinstance(c, CurveConstraint))
         u, v = curve.target[number]
         left, top = self._app.viewport.origin
         return (round(u + left), round(v + top))
 
     def along(self, widget: str, share: float) -> Position:
-        """Return the place on a slider at ``share`` of its width."""
+        """Return the position on a slider at ``share`` of its width."""
         left, top, right, bottom = self._app.widget_rects[widget]
         return (round(left + share * (right - left)), round((top + bottom) / 2.0))
 
-    # What a hand does
+    # Actions
 
     def drag(self, *way: Position, steps: int = 10) -> None:
-        """Press at the first place, move through all others, and release."""
+        """Press at the first position, move through all others, and release."""
         self._robot.move(way[0])
         self._robot.press()
         self._do("mousemove", *way[0], "sleep", 0.08, "mousedown", 1, "sleep", 0.05)
@@ -100,7 +100,7 @@ class Artist:
         self._do("key", "+".join(words), "sleep", 0.25)
 
     def stroke(self, features: Sequence[str], offset: Offset = (0.0, 0.0), bow: float = 0.0) -> None:
-        """Draw along feature points, moved by ``offset``; ``bow`` lifts what lies between the ends."""
+        """Draw along feature points, moved by ``offset``; ``bow`` raises its middle."""
         last = len(features) - 1
         lifts = [bow * np.sin(np.pi * i / max(last, 1)) for i in range(len(features))]
         places = [self.at(name, (offset[0], offset[1] - lift)) for name, lift in zip(features, lifts, strict=True)]
@@ -112,20 +112,20 @@ class Artist:
             self.key(name)
 
     def report(self) -> str:
-        """Return how far the constraints are from being met, and what fights."""
+        """Return the residuals of the constraints and their conflicts."""
         session = self._app.session
         residuals = ", ".join(f"{residual:.1f}" for residual in session.residuals_px)
-        return f"residuals {residuals} px; {self._app.drawn_constraints.conflicts or 'nothing fights'}"
+        return f"residuals {residuals} px; {self._app.drawn_constraints.conflicts or 'no conflicts'}"
 
-    # What one sees
+    # Images
 
     def picture(self, constraints: bool = True) -> Image.Image:
-        """Return the face as the real program shows it, with or without what is drawn over it."""
+        """Return the face as displayed by the real program, with or without overlays."""
         if not constraints:
             self.key("Esc")
             self.key("P")
         left, top, right, bottom = self._app.widget_rects["view"]
-        # The pointer rests where it hides nothing.
+        # Move the pointer out of the way.
         self._do("mousemove", round(right - 8), round(bottom - 8), "sleep", 0.6)
         self._robot.move((right - 8, bottom - 8))
         image = read_window_dump(self._screen)
@@ -140,7 +140,7 @@ class Artist:
 
 
 def read_window_dump(path: Path) -> Image.Image:
-    """Return the picture in a file of X's window dump format, 32 bits a pixel, as Xvfb keeps its screen."""
+    """Return the image in a file in X's window dump format with 32 bits per pixel, as written by Xvfb."""
     data = path.read_bytes()
     header = np.frombuffer(data, dtype=">u4", count=25)
     offset, width, height, line, colours = (int(header[i]) for i in (0, 4, 5, 12, 19))
@@ -255,7 +255,7 @@ SCENES: dict[str, Callable[[Artist], list[Image.Image]]] = {
 
 
 def side_by_side(pictures: list[Image.Image]) -> Image.Image:
-    """Return ``pictures`` in one: in rows of four at most, each 340 pixels wide."""
+    """Return ``pictures`` in one image, in rows of at most four, each 340 pixels wide."""
     width = 340
     scaled = [picture.resize((width, round(picture.height * width / picture.width))) for picture in pictures]
     columns = min(len(scaled), 4)
@@ -268,7 +268,7 @@ def side_by_side(pictures: list[Image.Image]) -> Image.Image:
 
 @contextlib.contextmanager
 def virtual_display(folder: Path) -> Iterator[tuple[str, Path]]:
-    """A display of its own: its name, and the file that always holds its picture."""
+    """Run a virtual display; yield its name and the file with its screen buffer."""
     read, write = os.pipe()
     size = f"{WINDOW[0]}x{WINDOW[1]}x24"
     command = ["Xvfb", "-displayfd", str(write), "-screen", "0", size, "-fbdir", str(folder), "-nolisten", "tcp"]
@@ -285,7 +285,7 @@ def virtual_display(folder: Path) -> Iterator[tuple[str, Path]]:
 
 @contextlib.contextmanager
 def real_program(display: str, folder: Path) -> Iterator[None]:
-    """The program on ``display``, as a user starts it."""
+    """Run the program on ``display`` within the block."""
     (folder / "faceposer").mkdir()
     remembered = f'{{"window_size": [{WINDOW[0]}, {WINDOW[1]}], "welcome_done": true}}'
     (folder / "faceposer" / "window.json").write_text(remembered, encoding="utf-8")
@@ -309,7 +309,7 @@ def real_program(display: str, folder: Path) -> Iterator[None]:
 
 
 def main() -> None:
-    """Make all pictures, or some."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=SCENES, nargs="+", default=list(SCENES), help="scenes to make")
     parser.add_argument("-o", "--output", type=Path, default=IMAGES, help="folder (default: docs/images)")

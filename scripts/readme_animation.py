@@ -63,7 +63,7 @@ class Script:
         self._pull(RIGHT_CORNER, -13.0, -14.0)
         self._caption("Pins hold what was dragged", 2)
         self._pull(LEFT_BROW[1], 2.0, -10.0)
-        self._caption("Sketch a brow, then where it should be", 2)
+        self._caption("Sketch a brow, then its target", 2)
         robot.key("S")
         self._stroke(RIGHT_BROW, 0.0)
         self._stroke(RIGHT_BROW, -9.0)

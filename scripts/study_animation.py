@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Measure how near a face that follows trajectories comes to the performance they are from, and how smoothly it moves.
+"""Measure the accuracy and smoothness of a face that follows trajectories of a known performance.
 
     FACEPOSER_CAPTURES=FOLDER python scripts/study_animation.py --json animation.json
     FACEPOSER_CAPTURES=FOLDER python scripts/study_animation.py --pictures animation.jpg
     FACEPOSER_CAPTURES=FOLDER python scripts/study_animation.py --tune
 
-Learned from take 3, tested on take 4 of the same performer: its liveliest 300 frames without a jump of the tracker, and
-all other such runs. Seven points (Lau et al. 2009, figure 8a: ends of the brows, lips, corners of the mouth, chin) are
-taken from the true faces, in a picture of 800 x 800 pixels or in space, exactly or with noise.
+Learned from take 3, tested on take 4 of the same performer: the 300 frames with the most motion and no tracking jump,
+and all other such runs. Seven points (Lau et al. 2009, figure 8a: ends of the brows, lips, corners of the mouth, chin)
+are taken from the true faces, in an image of 800 x 800 pixels or in space, exactly or with noise.
 
   error  mean distance to the true face in millimetres, over frames and the vertices of the face's regions
-  jerk   root mean square of the third difference from frame to frame, mm, of the same vertices; and of the brows'
+  jerk   root mean square of the third difference from frame to frame, mm, of the same vertices, and of the brows
   worst  largest step from one frame to the next, root mean square over these vertices, mm
 
 With --tune, weights and variants are compared on both folds of take 3 instead.
@@ -40,7 +40,7 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from faceposer.animation import following
-from faceposer.animation.following import follow
+from faceposer.animation.following import solve_trajectories
 from faceposer.animation.terms import CHANGE
 from faceposer.animation.trajectories import Trajectories
 from faceposer.evaluation.setting import StudyContext
@@ -59,7 +59,7 @@ RATE = 30.0
 N_FRAMES, N_LONG = 300, 1_000
 NOISE_PX = 1.5
 SEVEN = ("4.1", "4.2", "8.1", "8.2", "8.3", "8.4", "2.10")
-#: Without looking ahead, smoothness costs nearness sooner: the weight with the least error on the folds, with noise.
+#: Smoothness without look-ahead: the weight with the least error on the folds, with noise.
 CAUSAL = 0.1
 STILL = ("ear_left", "ear_right", "eye_left", "eye_right", "neck", "scalp")
 Array = np.ndarray
@@ -67,10 +67,10 @@ Change = Callable[[Trajectories], Trajectories]
 
 
 class Study:
-    """A face, its prior, and what is measured on it."""
+    """Character with its prior, and the measures on it."""
 
     def __init__(self, setting: StudyContext) -> None:
-        """Measure on the face of ``setting``."""
+        """Use the character of ``setting``."""
         self.setting = setting
         self.model = setting.model
 
@@ -109,7 +109,7 @@ class Study:
         return Trajectories(SEVEN, points, pixels + rng.normal(size=pixels.shape) * noise_px, RATE, camera)
 
     def measures(self, performance: Performance, weights: Array) -> dict[str, float]:
-        """Return how near a performance is to the true ``weights``, (F, S), and how it moves, in millimetres."""
+        """Return the error of a performance for the true ``weights``, (F, S), and its smoothness, in millimetres."""
         true = (weights.astype(np.float32) @ self._true_shapes).reshape(len(weights), -1, 3)
         ours = (performance.coefficients.astype(np.float32) @ self._basis).reshape(true.shape)
         return {
@@ -135,7 +135,7 @@ def _worst(positions: Array) -> float:
 
 @contextmanager
 def changed(owner: Any, name: str, value: Any) -> Iterator[None]:
-    """Have something of the engine otherwise for a while."""
+    """Replace the attribute ``name`` of ``owner`` within the block."""
     kept = getattr(owner, name)
     setattr(owner, name, value)
     try:
@@ -153,7 +153,7 @@ def _seen_from_neutral(frames: following._FrameProblems, frame: int, _seen_from:
 
 @dataclass(frozen=True)
 class Case:
-    """Trajectories of a kind, and how they are followed."""
+    """Kind of trajectories, and options of their solve."""
 
     name: str
     options: dict[str, Any]
@@ -171,7 +171,7 @@ class Case:
                 tracks = self.change(tracks)
             problem = _seen_from_neutral if self.from_neutral else _problem
             with changed(following._FrameProblems, "problem", problem):
-                rows.append(study.measures(follow(study.model, tracks, **self.options), weights))
+                rows.append(study.measures(solve_trajectories(study.model, tracks, **self.options), weights))
         totals = {key: np.array([row[key] for row in rows]) for key in rows[0]}
         return {
             key: float(
@@ -188,7 +188,7 @@ class Case:
 def jump_free_runs(
     setting: StudyContext, path: Path, n_frames: int, part: tuple[float, float] = (0.0, 1.0)
 ) -> list[tuple[int, Array]]:
-    """Return the runs of ``n_frames`` in a part of a take in which the tracker never jumps: first frame and weights."""
+    """Return the runs of ``n_frames`` without tracking jumps in a part of a take: first frame and weights."""
     recipe = setting.recipe
     take = read_capture(path).with_shapes(ARKIT_SHAPES)
     rest = np.percentile(take.without_jumps(recipe.jump).weights, recipe.rest_percentile, axis=0)
@@ -208,7 +208,7 @@ def jump_free_runs(
 
 
 def liveliest(study: Study, path: Path) -> tuple[int, Array]:
-    """Return the run of a take whose vertices move most from frame to frame."""
+    """Return the run of a take with the most motion of the vertices."""
 
     def speed(weights: Array) -> float:
         steps = np.diff(weights, axis=0)
@@ -230,7 +230,7 @@ def with_gaps(tracks: Trajectories) -> Trajectories:
 
 
 def with_jumps(tracks: Trajectories) -> Trajectories:
-    """Return the trajectories with 2 % of the positions off by 30 pixels."""
+    """Return the trajectories with a deviation of 30 pixels in 2 % of the positions."""
     rng = np.random.default_rng(2)
     hit = rng.random(tracks.seen.shape) < 0.02
     positions = tracks.positions.copy()
@@ -239,7 +239,7 @@ def with_jumps(tracks: Trajectories) -> Trajectories:
 
 
 def cases() -> list[Case]:
-    """Return what is compared."""
+    """Return the cases to compare."""
     rough, causal, smooth = {"smoothness": 0.0}, {"smoothness": CAUSAL, "look_ahead": False}, dict[str, Any]()
     found = []
     for where, in_space in (("2D", False), ("3D", True)):
@@ -247,18 +247,20 @@ def cases() -> list[Case]:
             kind = f"{where}, {'noise' if noise else 'exact'}"
             found += [
                 Case(f"{kind}: without smoothness", rough, noise, in_space),
-                Case(f"{kind}: frame by frame, as the paper", causal, noise, in_space),
-                Case(f"{kind}: all frames together (ships)", smooth, noise, in_space),
+                Case(f"{kind}: frame by frame, as in the paper", causal, noise, in_space),
+                Case(f"{kind}: all frames together (default)", smooth, noise, in_space),
             ]
     return [
         *found,
         Case("2D, exact: all frames together, smoothness 0.1", {"smoothness": 0.1}, 0.0),
         Case("2D, noise: all frames together, prior whole", {"prior": "whole"}),
-        Case("2D, noise: all frames together, prior seen from the neutral face", smooth, from_neutral=True),
+        Case("2D, noise: all frames together, prior about the neutral face", smooth, from_neutral=True),
         Case("2D, noise, gaps: without smoothness", rough, change=with_gaps),
         Case("2D, noise, gaps: all frames together", smooth, change=with_gaps),
         Case("2D, noise, jumps: kept", smooth, change=with_jumps),
-        Case("2D, noise, jumps: left out (ships)", smooth, change=lambda tracks: with_jumps(tracks).without_jumps()[0]),
+        Case(
+            "2D, noise, jumps: discarded (default)", smooth, change=lambda tracks: with_jumps(tracks).without_jumps()[0]
+        ),
     ]
 
 
@@ -275,7 +277,7 @@ def shown(name: str, found: dict[str, float]) -> str:
 
 
 def study(folder: Path) -> dict[str, Any]:
-    """Print the tables and return what is in them."""
+    """Print the tables and return their values."""
     setting = StudyContext.of(load_character("man"), [read_capture(folder / TRAIN).with_shapes(ARKIT_SHAPES)])
     studied = Study(setting)
     first, lively = liveliest(studied, folder / TEST)
@@ -283,10 +285,10 @@ def study(folder: Path) -> dict[str, Any]:
     result: dict[str, Any] = {"first frame": first, "runs": len(runs)}
     for title, chosen in ((f"frames {first} to {first + N_FRAMES - 1}", [lively]), (f"all {len(runs)} runs", runs)):
         truth = cases()[0].run(studied, chosen)
-        print(f"\nTake 4, {title}; the neutral face is {truth['of neutral']:.2f} mm off, the truth has")
+        print(f"\nTake 4, {title}; error of the neutral face {truth['of neutral']:.2f} mm, the truth has")
         print(f"jerk {truth['jerk of truth']:.2f}, brow jerk {truth['brow jerk of truth']:.2f}", end=" ")
         print(f"and worst {truth['worst of truth']:.2f}\n")
-        print("| | error | of neutral's | jerk | brow jerk | worst |\n| --- | --- | --- | --- | --- | --- |")
+        print("| | error | relative | jerk | brow jerk | worst |\n| --- | --- | --- | --- | --- | --- |")
         result[title] = {}
         for case in cases():
             if len(chosen) > 1 and (case.in_space or case.change is not None):
@@ -296,7 +298,7 @@ def study(folder: Path) -> dict[str, Any]:
     take = jump_free_runs(replace(setting, recipe=replace(setting.recipe, jump=1e9)), folder / TEST, N_LONG)
     tracks = studied.tracked(take[0][1], NOISE_PX)
     wall, cpu = time.perf_counter(), time.process_time()
-    follow(studied.model, tracks)
+    solve_trajectories(studied.model, tracks)
     result["seconds"] = time.perf_counter() - wall
     print(f"\n{N_LONG} frames: {result['seconds']:.1f} s, {time.process_time() - cpu:.1f} s of one core")
     return result
@@ -330,15 +332,15 @@ def tune(folder: Path) -> dict[str, Any]:
     row("prior whole", prior="whole")
     row("prior plain", prior="plain")
     with changed(following, "_START_PRIOR", 0.0):
-        row("prior seen from the frame before alone")
-    row("prior seen from the neutral face", from_neutral=True)
+        row("prior about the previous frame alone")
+    row("prior about the neutral face", from_neutral=True)
     with changed(following, "smoothness_metric", _plain_metric):
         row("smoothness of vertices alone")
     return result
 
 
 def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
-    """Draw frames of the liveliest run, truth above and ours below, with targets in green and their points in blue."""
+    """Draw frames of the run with the most motion, truth above and ours below, with targets green, points blue."""
     from faceposer.geometry.camera import OrbitView
     from faceposer.render.offscreen import render_character
 
@@ -347,7 +349,7 @@ def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
     model = studied.model
     _, weights = liveliest(studied, folder / TEST)
     tracks = studied.tracked(weights, NOISE_PX)
-    performance = follow(model, tracks)
+    performance = solve_trajectories(model, tracks)
     view = OrbitView((0.0, -0.4, 8.0), 0.0, 0.0, 72.0)
     camera = view.camera((250, 310))
     columns = []
@@ -356,7 +358,7 @@ def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
         true = Image.fromarray(render_character(model.character, setting.vertices_of(weights[frame]), camera))
         ours = Image.fromarray(render_character(model.character, model.instance(pose), camera))
         draw = ImageDraw.Draw(ours)
-        # The pixels of the study's picture, in the plane of each point, seen in this one.
+        # Pixels of the study's camera, at the depth of each point, projected into this view.
         own = model.positions_at(tracks.points, pose)
         depth = setting.camera.to_camera(own)[:, 2]
         for (u, v), z, point in zip(tracks.positions[frame], depth, own, strict=True):
@@ -376,15 +378,15 @@ def filmstrip(folder: Path, path: Path, n_pictures: int = 8) -> None:
 
 
 def main() -> None:
-    """Read the options, run and print."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, help="write the numbers to this file")
-    parser.add_argument("--tune", action="store_true", help="compare weights and variants on folds of take 3")
+    parser.add_argument("--json", type=Path, help="file to write the numbers to")
+    parser.add_argument("--tune", action="store_true", help="compare weights and variants on the folds of take 3")
     parser.add_argument("--pictures", type=Path, metavar="FILE", help="only draw eight frames, truth above, ours below")
     options = parser.parse_args()
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder or not (Path(folder) / TEST).is_file():
-        sys.exit(f"Name the folder of {TRAIN} and {TEST} in FACEPOSER_CAPTURES.")
+        sys.exit(f"Set FACEPOSER_CAPTURES to the folder with {TRAIN} and {TEST}.")
     if options.pictures is not None:
         filmstrip(Path(folder), options.pictures)
         return

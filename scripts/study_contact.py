@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Measure the contact step: how deep surfaces lie in each other with it and without, its cost, its steadiness.
+"""Measure the contact step: penetration with and without it, its cost, and its Lipschitz constant.
 
-    FACEPOSER_CAPTURES=FOLDER python scripts/study_contact.py --json F                    # the shipped characters
+    FACEPOSER_CAPTURES=FOLDER python scripts/study_contact.py --json F                    # the built-in characters
     FACEPOSER_CAPTURES=FOLDER python scripts/study_contact.py man rig.npz --poses 200     # others, fewer poses
 
-Poses are those of the library from -100 to 200 %, frames of a take that nothing was learned from, spread over it, and
-draws from the prior at 1.5 times its spread about its mean. Steadiness is the change of what the step adds, of the
-vertex where it is greatest, per change of the pose, of the vertex that moves most: a Lipschitz constant, along the
-frames of the take and along straight paths between poses of the library.
+Poses are those of the library from -100 to 200 %, evenly spaced frames of a take that nothing was learned from, and
+samples of the prior at 1.5 times its spread about its mean. Steadiness is the maximum change of the correction over the
+vertices per maximum change of the pose, a Lipschitz constant, along the frames of the take and along straight paths
+between poses of the library.
 """
 
 import argparse
@@ -46,14 +46,14 @@ STRENGTHS = np.linspace(applying.LEAST_STRENGTH, applying.GREATEST_STRENGTH, 13)
 SPREAD = 1.5
 ALLOWED_MM = 0.1
 SEED = 0
-# Consecutive frames, and steps of a straight path, along which steadiness is measured; and paths.
+# For the steadiness: number of consecutive frames, steps of a straight path, and paths.
 _FRAMES, _STEPS, _PATHS = 600, 60, 10
-# A move that shows, in the character's unit: smaller ones tell of rounding only.
+# Smallest relevant motion, in the character's unit; smaller ones are dominated by rounding.
 _SHOWS = 1e-4
 
 
 def library(model: FaceModel) -> tuple[Array, list[str]]:
-    """Return the poses of the library that fit the face at all ``STRENGTHS``, shape (n, r), and their names."""
+    """Return the applicable poses of the library at all ``STRENGTHS``, shape (n, r), and their names."""
     poses, names = [], []
     for entry in starter_poses():
         if entry.pose is not None and applying.weights_on(entry.pose, model.character) is not None:
@@ -64,7 +64,7 @@ def library(model: FaceModel) -> tuple[Array, list[str]]:
 
 
 def take(model: FaceModel, path: Path) -> Array | None:
-    """Return the frames of the take ``path``, shape (F, r), or None if the face cannot play it."""
+    """Return the frames of the take ``path``, shape (F, r), or None if the face lacks its shapes."""
     try:
         return read_performance(path, model).performance.coefficients
     except FacePoserError:
@@ -72,21 +72,21 @@ def take(model: FaceModel, path: Path) -> Array | None:
 
 
 def draws(model: FaceModel, count: int) -> Array:
-    """Return poses drawn from the prior at ``SPREAD`` times its spread, shape (``count``, r)."""
+    """Return samples of the prior at ``SPREAD`` times its spread, shape (``count``, r)."""
     mean, _ = model.mixture.moments()
     poses: Array = mean + SPREAD * (model.mixture.draws(count, np.random.default_rng(SEED)) - mean)
     return poses
 
 
 def depths(model: FaceModel, poses: Array, names: Sequence[str]) -> tuple[dict[str, Any], Array]:
-    """Return the depths of ``poses``, (n, r), without contact and with it, and the milliseconds that it took, (n,)."""
+    """Return the depths of ``poses``, (n, r), without and with contact, and the milliseconds of the step, (n,)."""
     rows: dict[str, list[dict[str, float]]] = {"without": [], "with": []}
     milliseconds = np.zeros(len(poses))
     moved, untouched = 0.0, 0
     for i, pose in enumerate(poses):
         before = model.instance(pose)
         after = before.copy()
-        # Of this thread alone: other programs may run beside it.
+        # Time of this thread only, independent of other programs.
         began = time.thread_time()
         model.contact.apply(after)
         milliseconds[i] = 1e3 * (time.thread_time() - began)
@@ -108,7 +108,7 @@ def depths(model: FaceModel, poses: Array, names: Sequence[str]) -> tuple[dict[s
 
 
 def summary(depth: Array, names: Sequence[str]) -> dict[str, Any]:
-    """Return what there is to say of ``depth``, millimetres in each pose, shape (n,)."""
+    """Return the summary of ``depth``, millimetres in each pose, shape (n,)."""
     deepest = int(depth.argmax())
     return {
         "median_mm": float(np.median(depth)),
@@ -120,7 +120,7 @@ def summary(depth: Array, names: Sequence[str]) -> dict[str, Any]:
 
 
 def steadiness(model: FaceModel, paths: Iterator[Array]) -> dict[str, float]:
-    """Return the change of what contact adds per change of the pose along ``paths``, of shape (n, r) each."""
+    """Return the change of the correction per change of the pose along ``paths``, of shape (n, r) each."""
     ratios = []
     for path in paths:
         before: tuple[Array, Array] | None = None
@@ -136,7 +136,7 @@ def steadiness(model: FaceModel, paths: Iterator[Array]) -> dict[str, float]:
 
 
 def straight_paths(poses: Array) -> Iterator[Array]:
-    """Yield straight paths between ``poses``, (n, r), taken at random, in ``_STEPS`` steps each."""
+    """Yield straight paths between random pairs of ``poses``, (n, r), in ``_STEPS`` steps each."""
     order = np.random.default_rng(SEED).permutation(len(poses))[: _PATHS + 1]
     for first, last in pairwise(order):
         yield np.linspace(poses[first], poses[last], _STEPS + 1)
@@ -186,13 +186,15 @@ def show(name: str, result: dict[str, Any]) -> None:
 def main() -> None:
     """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("characters", nargs="*", default=CHARACTERS, help="names or files (default: the shipped ones)")
-    parser.add_argument("--poses", type=int, default=1000, help="of the take and of the prior (default: 1000)")
-    parser.add_argument("--json", type=Path, metavar="F", help="also write all measurements")
+    parser.add_argument(
+        "characters", nargs="*", default=CHARACTERS, help="names or files (default: the built-in characters)"
+    )
+    parser.add_argument("--poses", type=int, default=1000, help="poses of the take and of the prior (default: 1000)")
+    parser.add_argument("--json", type=Path, metavar="F", help="file to write all measurements to")
     options = parser.parse_args()
     captures = os.environ.get("FACEPOSER_CAPTURES")
     if not captures:
-        print(f"FACEPOSER_CAPTURES names no folder with {TAKE}: no poses of a take", file=sys.stderr)
+        print(f"poses of the take are skipped; set FACEPOSER_CAPTURES to the folder with {TAKE}", file=sys.stderr)
     results = {}
     for name in options.characters:
         results[name] = study(load_model(name), Path(captures) if captures else None, options.poses)

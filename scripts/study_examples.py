@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Evaluator characters that are learned from a few example meshes by examples that were left out.
+"""Evaluate characters learned from a few example meshes on held-out examples.
 
     python -m scripts.build_assets --examples goblin          # fifty examples of the program's own goblin
     python scripts/study_examples.py goblin --json examples.json
 
-The examples are parted into folds. A character is learned from the neutral face and all folds but one; visible points
-of each left-out example that move are given their pixels there, off by 1.5 px as a hand is, and the pose found is
-compared with the example. Errors are mean vertex distances of the skin, relative to those of the neutral face.
+The examples are divided into folds. A character is learned from the neutral face and all folds but one; moving visible
+points of each held-out example are constrained to their pixels, with a noise of 1.5 px, and the pose is compared with
+the example. Errors are mean vertex distances of the skin, relative to those of the neutral face.
 
-  face     the default: modes for brows, eyes, ears and the mouth with its cheeks, coupled as the examples say
+  face     the default: modes for brows, eyes, ears and the mouth with its cheeks, coupled as in the examples
   face-9   the same with nine modes in all
   whole    principal components of the whole face
-  whole-5  five of them, as the paper has for its characters of thirty examples (section 9)
+  whole-5  five of them, as in the paper for its characters of thirty examples (section 9)
   free     the modes of `face` without any prior (its weight is 0)
 """
 
@@ -57,7 +57,7 @@ METHODS: dict[str, tuple[dict[str, object], float]] = {
 
 
 def learned(frames: list[np.ndarray], sequence: MeshSequence, options: ExampleOptions) -> FaceModel:
-    """Return the model of the neutral face and ``frames``."""
+    """Return the model learned from the neutral face and ``frames``."""
     mesh = sequence.neutral
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frames.npz"
@@ -68,7 +68,7 @@ def learned(frames: list[np.ndarray], sequence: MeshSequence, options: ExampleOp
 def constraints_of(
     model: FaceModel, truth: np.ndarray, camera: Camera, count: int, rng: np.random.Generator
 ) -> list[PointConstraint] | None:
-    """Return ``count`` moving visible points of the example ``truth``, (N, 3), or None if there are not as many."""
+    """Return ``count`` moving visible points of the example ``truth``, (N, 3), or None if there are fewer."""
     vertices, triangles = model.character.vertices, model.character.triangles
     normals = VertexNormals(triangles, len(vertices))(vertices)
     facing = np.einsum("nd,nd->n", normals, camera.center - vertices) > 0.2 * np.linalg.norm(camera.center)
@@ -88,12 +88,12 @@ def constraints_of(
 
 
 def main() -> None:
-    """Learn, leave out, compare and print."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="of example meshes, one of them neutral")
-    parser.add_argument("--folds", type=int, default=6, help="parts of the examples, left out in turn (default: 6)")
-    parser.add_argument("--repeats", type=int, default=3, help="choices of points for each example (default: 3)")
-    parser.add_argument("--json", type=Path, help="write the rows to this file")
+    parser.add_argument("folder", type=Path, help="folder of example meshes, one of them neutral")
+    parser.add_argument("--folds", type=int, default=6, help="number of folds (default: 6)")
+    parser.add_argument("--repeats", type=int, default=3, help="random choices of points for each example (default: 3)")
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
     options = parser.parse_args()
     sequence = open_sequence(options.folder)
     frames = [frame for frame in sequence.read(0, len(sequence)) if np.abs(frame - sequence.neutral.vertices).max() > 0]

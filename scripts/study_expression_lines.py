@@ -1,10 +1,10 @@
-"""Measures what expression lines cost: preparation, time per pose, and frames with and without them.
+"""Measure the cost of expression lines: preparation, time per pose, and frames with and without them.
 
     .venv/bin/python scripts/study_expression_lines.py
 
-Frames of 1200 x 900 with 4 samples per pixel are drawn in turn with the lines and without, until the picture is done,
-by the system's OpenGL, whose name is printed: times of a renderer on the processor say little of a graphics card. The
-processor time, of all threads together, shows what a busy machine hides.
+Frames of 1200 x 900 with 4 samples per pixel are drawn alternately with and without lines, until the image is complete.
+The name of the OpenGL renderer is printed, since times of a software renderer do not apply to a graphics card. The
+processor time of all threads is less affected by other load.
 """
 
 import argparse
@@ -29,21 +29,21 @@ POSES = ("Happiness", "Surprise", "Disgust")
 
 
 def milliseconds(do: Callable[[], object]) -> float:
-    """Return how long ``do`` takes."""
+    """Return the time that ``do`` takes."""
     began = time.perf_counter()
     do()
     return (time.perf_counter() - began) * 1e3
 
 
 def cost_per_pose(name: str, repeats: int) -> None:
-    """Print what the lines of the character ``name`` cost the processor."""
+    """Print the processor time of the lines of the character ``name`` per pose."""
     face = load(name)
     line_heights.cache_clear()
     map_ms = milliseconds(line_heights)
     prepare_ms = min(milliseconds(lambda: expression_lines(face.character)) for _ in range(5))
     lines = expression_lines(face.character)
     if lines is None:
-        print(f"{name}: its feature points do not tell where lines would lie")
+        print(f"{name}: no lines, since feature points are missing")
         return
     face.apply_pose(POSES[0])
     vertices = face.vertices
@@ -55,7 +55,7 @@ def cost_per_pose(name: str, repeats: int) -> None:
 
 
 def cost_per_frame(name: str, repeats: int) -> None:
-    """Print what the lines of the character ``name`` cost a frame."""
+    """Print the time of the lines of the character ``name`` per frame."""
     face = load(name)
     normals = VertexNormals(face.triangles, len(face.vertices))
     camera = portrait_view(face.character).camera(SIZE)
@@ -91,9 +91,9 @@ def cost_per_frame(name: str, repeats: int) -> None:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=25, help="frames of each kind (default: 25)")
+    parser.add_argument("--repeats", type=int, default=25, help="number of frames with and without lines (default: 25)")
     options = parser.parse_args()
     for name in ("man", "woman", "low", "creature"):
         cost_per_pose(name, 20 * options.repeats)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Make an artist's gestures on every character and judge what the face does (docs/gestures.md).
+"""Perform the gestures of an artist on every character and check the response of the face (docs/gestures.md).
 
     FACEPOSER_RIGS=FOLDER python scripts/study_gestures.py --json gestures.json --pictures FOLDER
     python scripts/study_gestures.py --characters man woman --gestures corners_up brow_up_left
-    FACEPOSER_RIGS=FOLDER python scripts/study_gestures.py --docs            # docs/gestures.md and its pictures
+    FACEPOSER_RIGS=FOLDER python scripts/study_gestures.py --docs            # docs/gestures.md and its images
 
-Without FACEPOSER_RIGS, which names the folder of facecap.glb and facecap_multi.glb, the imported rigs are left out.
+FACEPOSER_RIGS is the folder with facecap.glb and facecap_multi.glb; without it the imported rigs are skipped.
 """
 
 import argparse
@@ -34,10 +34,10 @@ PAGE = ROOT / "docs" / "gestures.md"
 def main() -> None:
     """Run the study."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--json", type=Path, help="file for the rows")
-    parser.add_argument("--pictures", type=Path, help="folder for pictures before and after, and the sheets")
-    parser.add_argument("--docs", action="store_true", help="write docs/gestures.md and its pictures too")
-    parser.add_argument("--characters", nargs="+", choices=CHARACTERS, help="default: all that there are")
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
+    parser.add_argument("--pictures", type=Path, help="folder for images before and after, and for the sheets")
+    parser.add_argument("--docs", action="store_true", help="also write docs/gestures.md and its images")
+    parser.add_argument("--characters", nargs="+", choices=CHARACTERS, help="default: all available")
     parser.add_argument("--gestures", nargs="+", choices=BY_NAME, metavar="GESTURE", help="default: all")
     parser.add_argument("--prior", choices=PRIORS, default=PriorSettings.prior)
     parser.add_argument("--prior-weight", type=float, default=PriorSettings.weight, metavar="WEIGHT")
@@ -45,7 +45,7 @@ def main() -> None:
     options = parser.parse_args()
     rigs = os.environ.get("FACEPOSER_RIGS")
     if options.docs and (options.characters or options.gestures or not rigs):
-        parser.error("--docs shows everything: set FACEPOSER_RIGS, and leave --characters and --gestures out")
+        parser.error("--docs covers everything: set FACEPOSER_RIGS, and omit --characters and --gestures")
     characters = options.characters or [name for name in CHARACTERS if rigs or name not in RIGS]
     gestures = [BY_NAME[name] for name in options.gestures or BY_NAME]
     settings = PriorSettings(options.prior, options.prior_weight, options.spread)

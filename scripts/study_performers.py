@@ -1,28 +1,28 @@
 #!/usr/bin/env python3
-"""Compare priors quickly: on folds of the training take, and on performers that nothing was learned from.
+"""Compare priors quickly, on folds of the training take and on held-out performers.
 
-    FACEPOSER_CAPTURES=FOLDER python scripts/study_performers.py -o DIR                        # what ships
-    FACEPOSER_CAPTURES=FOLDER python scripts/study_performers.py -o DIR --variants FILE.py     # variants of one's own
-    ... --only ships lwr "prior weight 2" --data fold1 jmtechart --trials 20 --base ships
+    FACEPOSER_CAPTURES=FOLDER python scripts/study_performers.py -o DIR                        # the default
+    FACEPOSER_CAPTURES=FOLDER python scripts/study_performers.py -o DIR --variants FILE.py     # custom variants
+    ... --only default lwr "prior weight 2" --data fold1 jmtechart --trials 20 --base default
 
-Each line is a variant on one data set: the sum of its 3D errors over that of the neutral face and, in brackets, the
-share of trials that end worse than the neutral face. Targets are off by 1.5 px. The data sets are
+Each line is a variant on one data set: the sum of its 3D errors relative to the neutral face and, in brackets, the
+share of trials that end worse than the neutral face. The target noise is 1.5 px. The data sets are
 
     fold1, fold2       parts of take 3, learned from the rest of it (with --others also from the other performers)
-    alex, jmtechart, llv_dao   each performer, learned from the two others; of alex take 3 alone
+    alex, jmtechart, llv_dao   each performer, learned from the two others; for alex, take 3 only
     take4              only with --look: take 4, learned from take 3 (with --others also from the other performers)
 
-and below them all folds together, and all performers together. Against the variant --base, * says that a cell is lower
-and ! that it is higher, by the 95 % interval of the difference over the same trials.
+followed by all folds together and all performers together. Relative to the variant --base, * marks a cell as lower and
+! as higher, by the 95 % interval of the difference over the same trials.
 
-A file of variants has a dictionary VARIANTS: name → function from a StudyContext to a model, the weight of its prior,
-and further keyword arguments of PoseProblem as a dictionary:
+A file of variants defines a dictionary VARIANTS: name → function from a StudyContext to a model, the weight of its
+prior, and further keyword arguments of PoseProblem as a dictionary:
 
     VARIANTS = {"twice as strong": lambda setting: (setting.model, 2.0, {})}
 
-What the performances of a data set teach takes a minute to learn and is kept in DIR for as long as the sources that
-learn stay the same (LEARNS below); the trials are made anew, in a second. Errors of all trials of a run are in
-DIR/performers.json.
+Learning from the performances of a data set takes a minute; the statistics are cached in DIR while the relevant sources
+remain unchanged (LEARNS below). The trials are regenerated in a second. The errors of all trials of a run are written
+to DIR/performers.json.
 """
 
 import argparse
@@ -64,7 +64,7 @@ Array = NDArray[np.float64]
 #: A model, the weight of its prior, and further arguments of ``PoseProblem``.
 Made = tuple[FaceModel, float, dict[str, Any]]
 Variant = Callable[[StudyContext], Made]
-#: By cell: error, neutral face's error and milliseconds of each trial, shape (n, 3).
+#: By cell: error, error of the neutral face and milliseconds of each trial, shape (n, 3).
 Errors = dict[Cell, Array]
 
 KINDS = ("point", "distance", "stroke")
@@ -86,11 +86,11 @@ TAKE_4 = "take4"
 POOLS = {"folds": ("fold1", "fold2"), "performers": tuple(name for name, _ in PERFORMERS)}
 
 VARIANTS: dict[str, Variant] = {
-    "ships": lambda setting: (setting.model, 1.0, {}),
+    "default": lambda setting: (setting.model, 1.0, {}),
     "prior weight 2": lambda setting: (setting.model, 2.0, {}),
-    "regions not damped": lambda setting: (setting.model, 1.0, {"prior": "whole"}),
+    "no damping": lambda setting: (setting.model, 1.0, {"prior": "whole"}),
 }
-#: Sources, beside the captures, that decide what is learned.
+#: Sources that affect the learned statistics, in addition to the captures.
 LEARNS = (
     "evaluation/setting.py",
     "evaluation/takes.py",
@@ -102,7 +102,7 @@ LEARNS = (
 
 
 class DataSet:
-    """A setting, and trials from frames that it has not learned from."""
+    """Study context with trials from frames that it was not learned from."""
 
     def __init__(self, name: str, source: Source, trials: int, folder: Path) -> None:
         self.name = name
@@ -118,7 +118,7 @@ class DataSet:
         self._neutral = {cell: [_distance(neutral, of) for of in truths] for cell, truths in self._truths.items()}
 
     def _learn(self, folder: Path, identity: str) -> None:
-        """Give the setting its statistics, from the file in ``folder`` if they are there."""
+        """Learn the statistics of the context, or load them from the cache in ``folder``."""
         digest = hashlib.sha256(identity.encode())
         for name in LEARNS:
             digest.update((Path(faceposer.__file__).parent / name).read_bytes())
@@ -127,11 +127,11 @@ class DataSet:
             began = time.perf_counter()
             self.setting.statistics.save(path)
             print(f"{self.name}: learned in {time.perf_counter() - began:.0f} s", file=sys.stderr, flush=True)
-        # Always from the file, which has single precision: a variant has the same numbers in every run.
+        # Always loaded from the file, which has single precision, so that every run has the same numbers.
         self.setting.__dict__["statistics"] = load_expression_statistics(path)
 
     def run(self, variant: Variant | str) -> Errors:
-        """Return the errors of a ``variant``, or of the technique of this name, on all trials."""
+        """Return the errors of a ``variant``, or of the technique with this name, on all trials."""
         solver = self._solver(variant)
         found: Errors = {}
         for cell, trials in self._trials.items():
@@ -145,7 +145,7 @@ class DataSet:
         return found
 
     def _solver(self, variant: Variant | str) -> Callable[[Trial], Callable[[], Any]]:
-        """Return what solves a trial and returns what makes the vertices, which is not timed."""
+        """Return a solver of trials that returns a function for the vertices, which is not timed."""
         if isinstance(variant, str):
             method = prepared(METHODS[variant], self.setting)
 
@@ -203,7 +203,7 @@ def line(name: str, of: str, errors: Errors, base: Errors) -> str:
 
 
 def _sign(rows: Array, base: Array) -> str:
-    """Return * where ``rows`` are surely lower than ``base``, ! where higher, by draws of the trials."""
+    """Return "*" if ``rows`` are significantly lower than ``base``, "!" if higher, by bootstrap over the trials."""
     n = len(rows)
     draws = np.random.default_rng(n).multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES)
     low, high = np.percentile((draws @ (rows[:, 0] - base[:, 0])) / (draws @ base[:, 1]), (2.5, 97.5))
@@ -211,10 +211,10 @@ def _sign(rows: Array, base: Array) -> str:
 
 
 def read_variants(path: Path) -> dict[str, Variant]:
-    """Return what the Python file ``path`` has in its dictionary VARIANTS."""
+    """Return the dictionary VARIANTS of the Python file ``path``."""
     spec = importlib.util.spec_from_file_location("variants", path)
     if spec is None or spec.loader is None:
-        sys.exit(f"'{path}' is no file of Python.")
+        sys.exit(f"'{path}' is not a Python file.")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return dict(module.VARIANTS)
@@ -231,25 +231,31 @@ def chosen_variants(
     variants |= {name: name for name in METHODS if name not in variants}
     names = [base or names[0], *(name for name in names if name != (base or names[0]))]
     if unknown := [name for name in names if name not in variants]:
-        sys.exit(f"There is no variant '{unknown[0]}'; choose from {', '.join(variants)}.")
+        sys.exit(f"Unknown variant '{unknown[0]}'; choose from {', '.join(variants)}.")
     return variants, names
 
 
 def main() -> None:
     """Run the variants on the data sets, and print a line for each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="what is kept between runs")
-    parser.add_argument("--variants", type=Path, metavar="FILE.py", help="further variants")
     parser.add_argument(
-        "--only", nargs="+", metavar="NAME", help="these variants or techniques (default: all variants)"
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder of the cache and the results"
     )
-    parser.add_argument("--data", nargs="+", metavar="NAME", help="these data sets (default: all)")
-    parser.add_argument("--character", default="man", help="face to pose (default: man)")
-    parser.add_argument("--trials", type=int, default=40, help="of each cell (default: 40)")
-    parser.add_argument("--examples", type=int, default=Recipe().n_examples, help="augmented examples to learn from")
+    parser.add_argument("--variants", type=Path, metavar="FILE.py", help="Python file with further variants")
+    parser.add_argument(
+        "--only", nargs="+", metavar="NAME", help="variants or techniques to run (default: all variants)"
+    )
+    parser.add_argument("--data", nargs="+", metavar="NAME", help="data sets to use (default: all)")
+    parser.add_argument("--character", default="man", help="character to pose (default: man)")
+    parser.add_argument("--trials", type=int, default=40, help="trials per cell (default: 40)")
+    parser.add_argument(
+        "--examples", type=int, default=Recipe().n_examples, help="number of augmented examples to learn from"
+    )
     parser.add_argument("--base", metavar="NAME", help="variant to compare with (default: the first)")
-    parser.add_argument("--others", action="store_true", help="folds and take 4 learn from the other performers, too")
-    parser.add_argument("--look", action="store_true", help="test on take 4, too, which no choice may rest on")
+    parser.add_argument(
+        "--others", action="store_true", help="also learn from the other performers for folds and take 4"
+    )
+    parser.add_argument("--look", action="store_true", help="also test on take 4, which must not be used for choices")
     options = parser.parse_args()
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if folder is None:
@@ -259,10 +265,10 @@ def main() -> None:
     keys = options.data or list(data)
     variants, names = chosen_variants(options.variants, options.only, options.base)
     if unknown := [key for key in keys if key not in data]:
-        parser.error(f"there is no data set '{unknown[0]}'; choose from {', '.join(data)}")
+        parser.error(f"unknown data set '{unknown[0]}'; choose from {', '.join(data)}")
     options.output.mkdir(parents=True, exist_ok=True)
     if TAKE_4 in keys:
-        print(f"Take 4 ({LOOKED_AT}) is looked at.")
+        print(f"Take 4 ({LOOKED_AT}) is used as test data.")
     heads = " ".join(f"{cell.constraint[:6]} {cell.count}".ljust(12) for cell in CELLS)
     print(f"{'':39s} {heads} points, distances, strokes", flush=True)
     results: dict[str, dict[str, Errors]] = {name: {} for name in names}

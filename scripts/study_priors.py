@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Compare ways to make the prior on folds of the training take, as a table: what ships, and what was tried beside it.
+"""Compare the default prior with variants on folds of the training take.
 
     FACEPOSER_CAPTURES=FOLDER python scripts/study_priors.py -o FOLDER             # about an hour; resumes
-    FACEPOSER_CAPTURES=FOLDER python scripts/study_priors.py -o FOLDER --only ships lwr "mean moved by half"
+    FACEPOSER_CAPTURES=FOLDER python scripts/study_priors.py -o FOLDER --only default lwr "mean moved by half"
 
-All are the program's own solve on the same trials, with targets as a hand gives them, 1.5 px off; what differs is the
-density, or how it is seen from the start pose. Each number is the sum of the errors over that of the neutral face.
+All variants use the program's own solve on the same trials, with a target noise of 1.5 px; they differ in the density
+or in its conditioning on the start pose. Each number is the sum of the errors relative to the neutral face.
 """
 
 import argparse
@@ -43,7 +43,7 @@ from faceposer.solve.problem import PoseProblem
 from faceposer.training.expressions import Recipe, fit_statistics
 
 Array = NDArray[np.float64]
-#: Returns the coefficients for a trial, and the model that they are of.
+#: Returns the model and its coefficients for a trial.
 Solve = Callable[[Trial], tuple[FaceModel, Array]]
 
 CELLS = (
@@ -55,11 +55,11 @@ SEED = 5
 
 
 class MovedMean(LocalMoments):
-    """As the prior that ships, but its peak moves from the start towards the mean of the nearest draws.
+    """The default prior with its mode moved from the start towards the mean of the nearest samples.
 
     Attributes:
-        part: How far it moves, of the way to that mean.
-        near_only: Whether only regions that are coupled to those with constraints move.
+        part: Share of the path to that mean.
+        near_only: True if only regions coupled to those with constraints move.
     """
 
     part = 0.5
@@ -72,48 +72,48 @@ class MovedMean(LocalMoments):
         self._coupling = density.coupling
 
     def near(self, rows: Array, residual: Array, covered: float = 0.0) -> GaussianMixture:
-        """Return one Gaussian about a pose between the start and the mean of the nearest draws."""
+        """Return one Gaussian about a pose between the start and the mean of the nearest samples."""
         offsets, shares = self.nearest(rows, residual)
         shift = self.part * (shares @ offsets) if len(rows) else np.zeros(offsets.shape[1])
         if self.near_only and len(rows):
-            told = np.sum((rows @ self._projection) ** 2, axis=0) * self._scales
-            shift *= np.max(self._coupling * np.sqrt(told / told.max()), axis=1)
+            relevance = np.sum((rows @ self._projection) ** 2, axis=0) * self._scales
+            shift *= np.max(self._coupling * np.sqrt(relevance / relevance.max()), axis=1)
         weighted = (offsets - shift) * np.sqrt(shares)[:, None]
         return self.gaussian(weighted.T @ weighted, shift, covered)
 
 
 class NearRegions(MovedMean):
-    """The same, for coupled regions only."""
+    """The moved mean for coupled regions only."""
 
     near_only = True
 
 
-class MovedWholly(MovedMean):
-    """All the way to the mean, as a regression from the nearest examples goes."""
+class FullyMovedMean(MovedMean):
+    """The mode moved to the mean, as in a regression from the nearest examples."""
 
     part = 1.0
 
 
-class Fewer(LocalMoments):
-    """The nearest twelfth of the draws."""
+class NearestTwelfth(LocalMoments):
+    """The nearest twelfth of the samples."""
 
     share = 1.0 / 12.0
 
 
-class More(LocalMoments):
-    """The nearest third of the draws."""
+class NearestThird(LocalMoments):
+    """The nearest third of the samples."""
 
     share = 1.0 / 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class StudiedDensity(RigDensity):
-    """A density whose draws and whose look from a start can be exchanged.
+    """Density with exchangeable samples and conditioning.
 
     Attributes:
-        look: Class that makes what is seen from a start.
-        given: What stands for its draws, shape (n, W); if None, so many are drawn as it is the first number of.
-        n_draws: How many are drawn.
+        look: Class of the moments conditioned on a start.
+        given: Samples to use, shape (n, W); if None, they are drawn from the mixture.
+        n_draws: Number of samples to draw.
     """
 
     look: type[LocalMoments] = LocalMoments
@@ -130,16 +130,16 @@ class StudiedDensity(RigDensity):
         return drawn
 
     def conditioned_on(self, start: Array, whole: bool = False) -> LocalMoments:
-        """Return how the density looks from ``start``, shape (r,)."""
+        """Return the moments of the density conditioned on ``start``, shape (r,)."""
         return self.look(self, start, whole)
 
 
 class Fold:
-    """A setting with unseen frames of the same take, and all variants on it."""
+    """Study context with held-out frames of the same take, and all variants on it."""
 
     def __init__(self, source: Source) -> None:
         self.setting, self.frames = source.load()
-        self.judge = Evaluator(self.setting, self.frames)
+        self.evaluator = Evaluator(self.setting, self.frames)
         self._maker = TrialMaker(self.setting)
 
     def trials(self, cell: Cell, number: int) -> list[Trial]:
@@ -147,7 +147,7 @@ class Fold:
         return list(self._maker.trials(cell, self.frames, number, SEED))
 
     def solve(self, name: str) -> Solve:
-        """Return how the variant ``name`` solves a trial."""
+        """Return the solver of trials of the variant ``name``."""
         if name in METHODS:
             method = prepared(METHODS[name], self.setting)
             assert hasattr(method, "model")
@@ -163,7 +163,7 @@ def _model(setting: StudyContext, **changes: object) -> FaceModel:
 
 
 def _coupled(setting: StudyContext, part: float) -> FaceModel:
-    """Return the model with ``part`` of the damping left: 0 for none, 1 for what ships."""
+    """Return the model with the share ``part`` of the damping: 0 for none, 1 for the default."""
     coupling = setting.model.rig_density.coupling
     return _model(setting, coupling=part * coupling + (1.0 - part))
 
@@ -175,14 +175,14 @@ def _apart(setting: StudyContext) -> FaceModel:
 
 
 def _examples(setting: StudyContext, number: int) -> FaceModel:
-    """Return the model with examples of the take in place of draws from the mixture."""
+    """Return the model with examples of the take in place of samples of the mixture."""
     character = setting.character
     moving = [i for i, name in enumerate(character.shape_names) if makers(name, ARKIT_SHAPES)]
     chosen = np.random.default_rng(0).choice(len(setting.examples), number, replace=False)
     examples = setting.rig_weights(setting.examples[chosen])[:, moving]
     width = len(setting.model.rig_density.regions)
     if examples.shape[1] != width:
-        raise SystemExit("the studied character must move by each of ARKit's shapes")
+        raise SystemExit("The character must have all of ARKit's shapes.")
     return _model(setting, given=examples)
 
 
@@ -193,23 +193,23 @@ def _analyzers(setting: StudyContext, number: int, factors: int) -> FaceModel:
     return build_face_model(setting.character, fitted)
 
 
-#: Each returns a model and the weight of its prior.
+#: Functions that return a model and the weight of its prior.
 VARIANTS: dict[str, Callable[[StudyContext], tuple[FaceModel, float]]] = {
-    "ships": lambda s: (s.model, 1.0),
+    "default": lambda s: (s.model, 1.0),
     "prior weight 0.5": lambda s: (s.model, 0.5),
     "prior weight 1.5": lambda s: (s.model, 1.5),
     "prior weight 2": lambda s: (s.model, 2.0),
-    "regions not damped": lambda s: (_coupled(s, 0.0), 1.0),
-    "half of the damping": lambda s: (_coupled(s, 0.5), 1.0),
+    "no damping": lambda s: (_coupled(s, 0.0), 1.0),
+    "half the damping": lambda s: (_coupled(s, 0.5), 1.0),
     "regions independent": lambda s: (_apart(s), 1.0),
-    "1,000 draws": lambda s: (_model(s, n_draws=1000), 1.0),
-    "12,000 draws": lambda s: (_model(s, n_draws=12000), 1.0),
-    "nearest twelfth": lambda s: (_model(s, look=Fewer), 1.0),
-    "nearest third": lambda s: (_model(s, look=More), 1.0),
+    "1,000 samples": lambda s: (_model(s, n_draws=1000), 1.0),
+    "12,000 samples": lambda s: (_model(s, n_draws=12000), 1.0),
+    "nearest twelfth": lambda s: (_model(s, look=NearestTwelfth), 1.0),
+    "nearest third": lambda s: (_model(s, look=NearestThird), 1.0),
     "mean moved by half": lambda s: (_model(s, look=MovedMean), 1.0),
-    "mean moved wholly": lambda s: (_model(s, look=MovedWholly), 1.0),
+    "mean moved fully": lambda s: (_model(s, look=FullyMovedMean), 1.0),
     "mean moved by half, coupled regions": lambda s: (_model(s, look=NearRegions), 1.0),
-    "4,000 examples for draws": lambda s: (_examples(s, 4000), 1.0),
+    "4,000 examples instead of samples": lambda s: (_examples(s, 4000), 1.0),
     "24 analyzers of 10 factors": lambda s: (_analyzers(s, 24, 10), 1.0),
     "120 analyzers of 20 factors": lambda s: (_analyzers(s, 120, 20), 1.0),
 }
@@ -217,11 +217,11 @@ REFERENCES = ("mfa-plain", "ppca", "lwr")
 
 
 def main() -> None:
-    """Run what the log lacks and print the table."""
+    """Run the trials missing from the log and print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder for the log and the table")
-    parser.add_argument("--trials", type=int, default=40, help="of each cell and fold (default: 40)")
-    parser.add_argument("--only", nargs="+", choices=[*VARIANTS, *REFERENCES], help="these variants alone")
+    parser.add_argument("--trials", type=int, default=40, help="trials per cell and fold (default: 40)")
+    parser.add_argument("--only", nargs="+", choices=[*VARIANTS, *REFERENCES], help="variants to run (default: all)")
     options = parser.parse_args()
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if folder is None:
@@ -239,7 +239,7 @@ def main() -> None:
         fold = Fold(Source("man", (take,), (), Recipe(), fold=number))
         trials = {cell: fold.trials(cell, options.trials) for cell in CELLS}
         for name in missing:
-            row = {"fold": number, "variant": name, "trials": options.trials, "cells": _judged(fold, name, trials)}
+            row = {"fold": number, "variant": name, "trials": options.trials, "cells": _evaluated(fold, name, trials)}
             with log.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
             done.append(row)
@@ -249,15 +249,15 @@ def main() -> None:
     print(text)
 
 
-def _judged(fold: Fold, name: str, trials: dict[Cell, list[Trial]]) -> list[tuple[float, float]]:
-    """Return the sums of the errors and of the neutral face's, of each cell."""
+def _evaluated(fold: Fold, name: str, trials: dict[Cell, list[Trial]]) -> list[tuple[float, float]]:
+    """Return, for each cell, the sums of the errors and of those of the neutral face."""
     solver = fold.solve(name)
     sums = []
     for chosen in trials.values():
         error = neutral = 0.0
         for trial in chosen:
             model, coefficients = solver(trial)
-            score = fold.judge.score(trial, posed(model, coefficients), 0.0)
+            score = fold.evaluator.score(trial, posed(model, coefficients), 0.0)
             error += score.error
             neutral += score.neutral_error
         sums.append((error, neutral))
@@ -265,7 +265,7 @@ def _judged(fold: Fold, name: str, trials: dict[Cell, list[Trial]]) -> list[tupl
 
 
 def table(rows: list[dict[str, object]], names: list[str]) -> str:
-    """Return the table, in Markdown, over all folds that ``rows`` have."""
+    """Return the table in Markdown over all folds in ``rows``."""
     heads = [f"{cell.constraint} {cell.count}" for cell in CELLS]
     lines = [f"| | {' | '.join(heads)} |", "| --- " * (len(heads) + 1) + "|"]
     for name in names:

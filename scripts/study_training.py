@@ -1,24 +1,25 @@
 #!/usr/bin/env python3
-"""Measure learning from as many meshes as the paper has: time, memory and how near the components are to the exact.
+"""Measure learning from as many meshes as in the paper: time, memory, and accuracy of the components.
 
     FACEPOSER_CAPTURES=FOLDER python scripts/study_training.py --json training.json
     FACEPOSER_CAPTURES=FOLDER python scripts/study_training.py --obj --folder FOLDER_WITH_25_GB
 
-The shipped man, posed by two real takes, with noise on each vertex and the head turned and shifted anywhere, makes
-7,842 frames of 19,187 vertices. `train/...` is the whole command `faceposer train --examples`, from one file of arrays
-and, with --obj, from a folder of OBJ files. The other rows learn the leading components alone, of the whole face in the
-program's metric, from frames aligned before: `exact` decomposes all inner products of the frames, with all of them in
-memory; `streaming` is the program's own way, `incremental` scikit-learn's IncrementalPCA with batches of 200, `rig` the
-exact way in the rig's weights. `degrees_K` is the largest angle between the first K directions and the exact ones of
-the same frames, noise included; `rig_degrees_K` that to what the rig's weights give, without noise. IncrementalPCA
-works about the mean, the program about the neutral face; each is compared with the exact of its kind. Memory is
-resident, of the process and all that it starts. Each row runs in a process of its own, one after another.
+The built-in man, posed by two real takes, with noise on each vertex and random rigid motions of the head, gives 7,842
+frames of 19,187 vertices. `train/...` is the whole command `faceposer train --examples`, from one file of arrays and,
+with --obj, from a folder of OBJ files. The other rows learn only the leading components, of the whole face in the
+program's metric, from aligned frames: `exact` decomposes all inner products of the frames, with all of them in memory;
+`streaming` is the method of the program, `incremental` scikit-learn's IncrementalPCA with batches of 200, `rig` the
+exact method in the rig's weights. `degrees_K` is the largest angle between the first K directions and the exact ones of
+the same frames, including noise; `rig_degrees_K` is the angle to those of the rig's weights, without noise.
+IncrementalPCA is centred at the mean, the program at the neutral face; each is compared with the exact components of
+its kind. Memory is the resident memory of the process and its descendants. Rows run one after another in separate
+processes.
 """
 
 import os
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    # The program brings its own threads.
+    # The program uses its own threads.
     os.environ.setdefault(variable, "1")
 
 import argparse
@@ -43,7 +44,7 @@ if str(ROOT) not in sys.path:
 from faceposer.geometry.mesh_sequence import frames_of
 from faceposer.geometry.obj_io import read_obj
 from faceposer.progress import Progress
-from faceposer.training.frames import AlignedReader, SpooledFrames, sample_of, spooled, steady_vertices
+from faceposer.training.frames import AlignedReader, SpooledFrames, sample_of, spool_frames, steady_vertices
 from faceposer.training.modes import local_metric
 from faceposer.training.streaming_pca import Region, regional_pca
 from scripts.studying.example_data import ExampleData, example_data, write_examples
@@ -57,15 +58,15 @@ BATCH = 200
 
 
 def main() -> None:
-    """Make the data, run every row in a process of its own and print the table."""
+    """Generate the data, run every row in a separate process and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=7842)
     parser.add_argument("--vertices", type=int, default=19187)
     parser.add_argument("--components", type=int, default=20)
-    parser.add_argument("--obj", action="store_true", help="train from a folder of OBJ files too")
+    parser.add_argument("--obj", action="store_true", help="also train from a folder of OBJ files")
     parser.add_argument("--only", nargs="+", metavar="ROW", help="rows to measure, such as train/npz streaming")
-    parser.add_argument("--folder", type=Path, help="where the data is made, and left (default: a temporary folder)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows there")
+    parser.add_argument("--folder", type=Path, help="folder in which the data is kept (default: a temporary folder)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
     parser.add_argument("--method", choices=METHODS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.folder is None:
@@ -84,14 +85,14 @@ def study(options: argparse.Namespace) -> None:
     """Print the table, row by row."""
     began = time.perf_counter()
     paths = write_examples(example_data(options.frames, options.vertices), options.folder, options.obj)
-    print(f"{options.frames} frames of {options.vertices} vertices, made in {time.perf_counter() - began:.0f} s")
+    print(f"{options.frames} frames of {options.vertices} vertices, generated in {time.perf_counter() - began:.0f} s")
     names = [f"train/{kind}" for kind in ("npz", "obj") if kind in paths] + list(METHODS)
     rows: list[Row] = []
     for name in names:
         if options.only and name not in options.only:
             continue
         load = os.getloadavg()[0]
-        row = trained(name, paths, options) if name.startswith("train/") else apart(name, options)
+        row = trained(name, paths, options) if name.startswith("train/") else in_process(name, options)
         rows.append({"name": name, **row, "load_before": round(load, 1)})
         print("  ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
     if options.json:
@@ -100,7 +101,7 @@ def study(options: argparse.Namespace) -> None:
 
 
 def trained(name: str, paths: dict[str, Path], options: argparse.Namespace) -> Row:
-    """Return time and memory of the whole command, and what it says of itself."""
+    """Return time and memory of the whole command, and its summary."""
     output = options.folder / "trained.npz"
     source = paths[name.removeprefix("train/")]
     command = [sys.executable, "-m", "faceposer", "train", "--examples", str(source), "-o", str(output)]
@@ -129,13 +130,13 @@ def trained(name: str, paths: dict[str, Path], options: argparse.Namespace) -> R
 
 
 def cpu_seconds() -> float:
-    """Return the time on all cores of the processes that were started and have ended."""
+    """Return the CPU time of all child processes that have ended."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
 
 
-def apart(name: str, options: argparse.Namespace) -> Row:
-    """Return what ``components`` says in a process of its own."""
+def in_process(name: str, options: argparse.Namespace) -> Row:
+    """Return the row of ``components``, run in a separate process."""
     command = [sys.executable, __file__, "--method", name, "--folder", str(options.folder)]
     for key in ("frames", "vertices", "components"):
         command += [f"--{key}", str(getattr(options, key))]
@@ -163,7 +164,7 @@ def components(options: argparse.Namespace) -> Row:
         return {"seconds": round(seconds, 2), "peak_gb": round(memory.bytes / 1e9, 2)}
     n = len(neutral.vertices)
     everything = Region(np.arange(n), np.ones(n, dtype=np.float32), metric)
-    with spooled(AlignedReader(sequence, steady), Progress()) as store, PeakMemory() as memory:
+    with spool_frames(AlignedReader(sequence, steady), Progress()) as store, PeakMemory() as memory:
         began, used = time.perf_counter(), time.process_time()
         if options.method == "exact":
             basis, settled = decomposed(store, everything, count, options.folder / "exact.npz"), True
@@ -183,7 +184,7 @@ def components(options: argparse.Namespace) -> Row:
 
 
 def decomposed(store: SpooledFrames, region: Region, count: int, path: Path) -> Array:
-    """Return the components, (3 N, k), of all frames at once about the neutral, and write those about the mean too."""
+    """Return the components, (3 N, k), of all frames about the neutral face, and write those about the mean as well."""
     everything = np.concatenate([region.weigh(store.read(i, i + 1)) for i in range(store.n_frames)])
     inner = (everything @ everything.T).astype(np.float64)
     start = np.random.default_rng(0).standard_normal(len(inner))
@@ -211,7 +212,7 @@ def incremental(store: SpooledFrames, region: Region, count: int) -> Array:
 
 
 def accuracy(data: ExampleData, scale: Array, basis: Array, path: Path, centred: bool) -> Row:
-    """Return how far ``basis``, (3 N, k), is from the exact ones, as angles in degrees and as energy lost."""
+    """Return the difference of ``basis``, (3 N, k), from the exact components, as angles in degrees and energy."""
     k = basis.shape[1]
     exact, energies, total = data.exact_basis(scale, k, centred)
     references = {"rig_degrees": exact}

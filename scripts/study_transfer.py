@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""Compare ways to carry expressions from the man to other characters (docs/transfer.md has the tables).
+"""Compare methods of transferring expressions from the man to other characters (see docs/transfer.md).
 
     python -m scripts.build_assets --examples goblin
     python scripts/study_transfer.py --capture alex_rom_4.csv --examples goblin --json transfer.json
 
 Errors are mean vertex distances of the skin from the truth, relative to those of the neutral face. For characters with
-ARKit's shapes the truth is the same weights on their own rig, which the way by weights gives by construction. For the
-creature, which has none of them, it is the example that its makers shaped for the same expression; its ears are left
-out, which no point of the man's face speaks of.
+ARKit's shapes, the truth is the same weights on their own rig, which transfer by weights gives by construction. For the
+creature, which has none of them, it is the example sculpted for the same expression, without the ears, which have no
+counterpart on the man.
 
   three        heights of mouth and eyes, minimum to minimum and maximum to maximum: the paper
   three, bent  the same, neutral to neutral
   all, straight  all pairs, minimum to minimum and maximum to maximum
   all          all pairs, neutral to neutral: the default
-  all, front   the same, as one sees the distances from the front
+  all, front   the same, with distances in a front view
   weights      weights of ARKit's shapes by name
 """
 
@@ -63,7 +63,7 @@ SIDES = ("Left", "Right")
 
 
 def ways(source: FaceModel, target: FaceModel) -> dict[str, Transfer]:
-    """Return those of all ways that there are from ``source`` to ``target``."""
+    """Return the methods that apply from ``source`` to ``target``."""
     found: dict[str, Transfer] = {}
     for name, (method, pairs, scaling) in WAYS.items():
         try:
@@ -75,7 +75,7 @@ def ways(source: FaceModel, target: FaceModel) -> dict[str, Transfer]:
 
 
 def flat(model: FaceModel) -> FaceModel:
-    """Return ``model`` without depth: distances are those that one sees from the front, coefficients stay the same."""
+    """Return ``model`` without depth: distances are those in a front view, coefficients are unchanged."""
     vertices, basis = model.character.vertices.copy(), model.basis.copy()
     vertices[:, 2] = 0.0
     basis[:, 2::3] = 0.0
@@ -83,7 +83,7 @@ def flat(model: FaceModel) -> FaceModel:
 
 
 def judged(model: FaceModel) -> NDArray[np.intp]:
-    """Return the vertices that errors are measured at: the skin without what only the creature has."""
+    """Return the vertices to evaluate: the skin without parts that only the creature has."""
     part = next(part for part in model.character.parts if part.material == "skin")
     skin = np.arange(*part.vertices)
     if model.character.shape_names[0] in ARKIT_SHAPES:
@@ -115,7 +115,7 @@ def rig_vertices(model: FaceModel, weights: Array) -> Array:
 
 
 def known_rigs(man: FaceModel, targets: dict[str, FaceModel], frames: Array) -> dict[str, dict[str, float]]:
-    """Return the error of each way by target, for frames whose truth is the same weights."""
+    """Return the error of each method by target, for frames with the same weights as truth."""
     table = {}
     for name, target in targets.items():
         truths = [rig_vertices(target, weights_on(target, frame)) for frame in frames]
@@ -128,7 +128,7 @@ def known_rigs(man: FaceModel, targets: dict[str, FaceModel], frames: Array) -> 
 
 
 def examples(man: FaceModel, creature: FaceModel, folder: Path) -> dict[str, dict[str, float]]:
-    """Return the error of each way on the creature's example expressions, in groups and on all."""
+    """Return the error of each method on the creature's example expressions, in groups and overall."""
     expressions: dict[str, tuple[Array, Array]] = {}
     for name, strengths in EXPRESSIONS.items():
         values = {
@@ -163,10 +163,10 @@ def examples(man: FaceModel, creature: FaceModel, folder: Path) -> dict[str, dic
 
 
 def free_poses(man: FaceModel, targets: dict[str, FaceModel], count: int) -> dict[str, dict[str, float]]:
-    """Return how far the target's distances are from those asked for, as a share of their ranges, for free poses.
+    """Return the error of the target's distances, relative to their ranges, for free poses.
 
-    Free are draws from the principal components, whose weights go beyond the rig's limits, as a pose dragged without
-    a prior may.
+    Free poses are samples of the principal components with weights beyond the rig's limits, as a pose dragged without
+    a prior may have.
     """
     rng = np.random.default_rng(1)
     poses = 0.5 * rng.standard_normal((count, man.n_coefficients)) * np.sqrt(man.subspace.variances)
@@ -182,7 +182,7 @@ def free_poses(man: FaceModel, targets: dict[str, FaceModel], count: int) -> dic
 
 
 def round_trips(man: FaceModel, targets: dict[str, FaceModel], frames: Array) -> dict[str, dict[str, float]]:
-    """Return the error of the man's frames that have gone to each target and back."""
+    """Return the error of the man's frames after a transfer to each target and back."""
     sources = [man.coefficients_of(weights_on(man, frame)) for frame in frames]
     truths = [man.instance(p).astype(np.float64) for p in sources]
     table: dict[str, dict[str, float]] = {}
@@ -196,9 +196,9 @@ def round_trips(man: FaceModel, targets: dict[str, FaceModel], frames: Array) ->
 
 
 def motion(man: FaceModel, targets: dict[str, FaceModel], frames: Array) -> dict[str, dict[str, float]]:
-    """Return milliseconds of the processor a frame, and how much rougher than the source the target moves.
+    """Return processor milliseconds per frame, and the roughness of the target relative to the source.
 
-    Rough is the mean change of velocity from frame to frame, relative to the mean velocity.
+    Roughness is the mean change of velocity between frames, relative to the mean velocity.
     """
     source = Performance.from_weights(man, np.array([weights_on(man, frame) for frame in frames]), 60.0)
     table = {}
@@ -215,7 +215,7 @@ def motion(man: FaceModel, targets: dict[str, FaceModel], frames: Array) -> dict
 
 
 def roughness(model: FaceModel, performance: Performance) -> float:
-    """Return the mean change of velocity of the judged vertices, relative to their mean velocity."""
+    """Return the mean change of velocity of the evaluated vertices, relative to their mean velocity."""
     ids = judged(model)[::7]
     paths = np.array([model.instance(p)[ids] for p in performance.coefficients], dtype=np.float64)
     steps = np.diff(paths, axis=0)
@@ -233,11 +233,13 @@ def show(title: str, table: dict[str, dict[str, float]]) -> None:
 def main() -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--capture", type=Path, required=True, metavar="CSV", help="take that the prior did not see")
-    parser.add_argument("--examples", type=Path, metavar="DIR", help="the creature's examples")
-    parser.add_argument("--character", action="append", default=[], metavar="NPZ", help="further character")
-    parser.add_argument("--frames", type=int, default=100, help="frames of the take to try (default: 100)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers here too")
+    parser.add_argument(
+        "--capture", type=Path, required=True, metavar="CSV", help="take that the prior was not learned from"
+    )
+    parser.add_argument("--examples", type=Path, metavar="DIR", help="folder of the creature's examples")
+    parser.add_argument("--character", action="append", default=[], metavar="NPZ", help="additional target character")
+    parser.add_argument("--frames", type=int, default=100, help="number of frames of the take (default: 100)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write all numbers to")
     options = parser.parse_args()
     models = {n: build_face_model(load_character(n)) for n in ("man", "woman", "low", "creature", *options.character)}
     man, creature = models["man"], models["creature"]
@@ -248,7 +250,7 @@ def main() -> int:
     tables = {"Same weights on the target's own rig": known_rigs(man, rigs, frames)}
     if options.examples is not None:
         tables["The creature's own examples"] = examples(man, creature, options.examples)
-    tables["Distances missed by free poses, as a share of their ranges"] = free_poses(man, others, options.frames)
+    tables["Error of the distances for free poses, relative to their ranges"] = free_poses(man, others, options.frames)
     tables["There and back"] = round_trips(man, others, frames)
     tables["Animation"] = motion(man, others, take[:300])
     for title, table in tables.items():

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Learn the shipped statistics of expressions, assets/expressions.npz, from the real capture.
+"""Learn the built-in statistics of expressions, assets/expressions.npz, from real captures.
 
     FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py            # learn and write
-    FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py --check    # learn and compare with what is there
+    FACEPOSER_CAPTURES=FOLDER python scripts/train_prior.py --check    # learn and compare with the existing file
 
-Of the first performer only take 3 is used, so that take 4 can judge what ships. A quarter of the examples is made of
-two other performers' takes; what can be learned without them is judged by leaving whole performers out
+Of the first performer only take 3 is used, so that take 4 remains for tests. A quarter of the examples is made from
+takes of two other performers; the evaluation leaves out whole performers to measure learning without them
 (docs/evaluation.md).
 """
 
@@ -41,7 +41,7 @@ TOLERANCE = 1e-3
 
 
 def main() -> None:
-    """Learn, then write or compare."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="compare with the committed file instead of writing it")
     options = parser.parse_args()
@@ -49,7 +49,7 @@ def main() -> None:
     if not folder:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
     began = time.perf_counter()
-    # What regions tell of each other is judged by what can be seen of it on a face; the man's is an ordinary one.
+    # Correlations between regions are weighted by their visible effect on an ordinary face, the man's.
     metric = gram_of_weights(load_character("man"), ARKIT_SHAPES)
     statistics = learn(
         [read_capture(Path(folder) / TAKE)],
@@ -68,9 +68,9 @@ def main() -> None:
         difference = float(np.abs(getattr(statistics, name) - getattr(committed, name)).max())
         print(f"{name}: largest difference {difference:.2g}")
         if difference > TOLERANCE:
-            sys.exit(f"{path} is not what this recipe gives: {name} differs by {difference:.2g}.")
+            sys.exit(f"{path} does not match this recipe: {name} differs by {difference:.2g}.")
     if statistics.regions != committed.regions:
-        sys.exit(f"{path} is not what this recipe gives: its regions differ.")
+        sys.exit(f"{path} does not match this recipe: the regions differ.")
     print("as committed")
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draw expressions of the man carried to the other characters, by distances and by ARKit's weights, on one sheet.
+"""Draw a sheet of expressions of the man transferred to the other characters, by distances and by ARKit's weights.
 
 python scripts/transfer_pictures.py                       # docs/images/transfer.jpg
 python scripts/transfer_pictures.py --pairs paper -o three.jpg
@@ -24,10 +24,10 @@ if str(ROOT) not in sys.path:
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
-from faceposer.gui.widgets.theme import FONTS
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.render.offscreen import render_character
+from faceposer.resources import fonts_folder
 from faceposer.transfer.pairs import PRESETS, Pair
 from faceposer.transfer.transfer import make_transfer
 
@@ -77,7 +77,7 @@ SIDE = 300
 
 
 def pictures(pairs: tuple[Pair, ...]) -> list[list[NDArray[np.uint8] | None]]:
-    """Return a row of pictures for each expression: the man's, then each target's by distances and by weights."""
+    """Return a row of images for each expression: the man's, then each target's by distances and by weights."""
     models = {name: build_face_model(load_character(name)) for name in ("man", *TARGETS)}
     man = models["man"]
     rows: list[list[NDArray[np.uint8] | None]] = []
@@ -109,7 +109,7 @@ def sheet(rows: list[list[NDArray[np.uint8] | None]]) -> Image.Image:
     top, left = 34, 96
     image = Image.new("RGB", (left + len(titles) * SIDE, top + len(rows) * SIDE), (30, 31, 34))
     draw = ImageDraw.Draw(image)
-    font = ImageFont.truetype(str(next(FONTS.rglob("Roboto-Regular.ttf"))), 20)
+    font = ImageFont.truetype(str(fonts_folder() / "Roboto/Roboto-Regular.ttf"), 20)
     for column, title in enumerate(titles):
         draw.text((left + (column + 0.5) * SIDE, top / 2), title, (227, 230, 232), font, anchor="mm")
     for index, (name, row) in enumerate(zip(EXPRESSIONS, rows, strict=True)):
@@ -127,7 +127,7 @@ def sheet(rows: list[list[NDArray[np.uint8] | None]]) -> Image.Image:
 def main() -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=IMAGE, help="picture to write")
+    parser.add_argument("-o", "--output", type=Path, default=IMAGE, help="image to write")
     parser.add_argument("--pairs", choices=tuple(PRESETS), default="full", help="pairs of distances")
     options = parser.parse_args()
     sheet(pictures(PRESETS[options.pairs])).save(options.output, quality=88)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Make the pictures of the window that shows an animation, its export and the library of poses.
+"""Make the images of the window with an animation, the export dialog and the pose library.
 
     python scripts/window_pictures.py        # into docs/images: timeline.jpg, export.jpg, film.jpg, pose-library.jpg
 
-A scripted user at the real program, without a display: three ways are drawn over the woman's face, which follows them,
-and what comes of it is exported as a film.
+A scripted user operates the real program without a display: it draws three paths over the woman's face, solves for the
+animation and exports it as a video.
 """
 
 import os
@@ -33,48 +33,48 @@ from faceposer.gui.testing.scripted_user import Robot
 
 WINDOW = (1280, 820)
 LEFT_CORNER, RIGHT_CORNER, CHIN = "8.3", "8.4", "2.1"
-FILM_FRAMES = 6
+VIDEO_FRAMES = 6
 
 
 def draw_smile(robot: Robot) -> None:
-    """Draw the ways of the mouth's corners and of the chin, and let the face follow."""
-    following = robot.app.features[TrajectoriesFeature]
+    """Draw paths of the corners of the mouth and of the chin, and solve for the animation."""
+    trajectories = robot.app.features[TrajectoriesFeature]
     robot.key("J")
     for feature, across, down in ((LEFT_CORNER, 20, -18), (RIGHT_CORNER, -20, -18), (CHIN, 0, 12)):
         x, y = robot.at(feature)
         robot.drag((x, y), (x + across, y + down), steps=36, ease=True)
     robot.key("Enter")
-    while following.job is not None:
-        following.job.join()
+    while trajectories.job is not None:
+        trajectories.job.join()
         robot.frames()
 
 
 def save_window(robot: Robot, path: Path) -> None:
-    """Write what the window shows as ``path``."""
+    """Write a screenshot of the window to ``path``."""
     robot.frames(3)
     Image.fromarray(robot.app.screenshot()).save(path, quality=88)
     print(path)
 
 
-def save_film(robot: Robot, folder: Path, path: Path) -> None:
-    """Export the animation by the dialog and write some of the film's frames side by side as ``path``."""
-    exchange = robot.app.features[ExportFeature]
-    exchange.form.width = exchange.form.height = 360
+def save_video(robot: Robot, folder: Path, path: Path) -> None:
+    """Export the animation with the dialog and write some of its frames side by side to ``path``."""
+    export = robot.app.features[ExportFeature]
+    export.form.width = export.form.height = 360
     robot.click_widget("export:accept")
     robot.key("Ctrl+A")
     robot.type("smile")
     robot.click_widget("files:accept")
-    while exchange.job is not None:
+    while export.job is not None:
         robot.frames()
-    with Image.open(folder / "smile.gif") as film:
-        frames = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
-    chosen = np.linspace(0, len(frames) - 1, FILM_FRAMES).round().astype(int)
+    with Image.open(folder / "smile.gif") as video:
+        frames = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(video)]
+    chosen = np.linspace(0, len(frames) - 1, VIDEO_FRAMES).round().astype(int)
     Image.fromarray(np.hstack([frames[i] for i in chosen])).save(path, quality=88)
     print(path)
 
 
 def main() -> None:
-    """Make all pictures."""
+    """Make all images."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "-o",
@@ -98,7 +98,7 @@ def main() -> None:
         robot.frames(2)
         robot.click_widget("export:gif")
         save_window(robot, output / "export.jpg")
-        save_film(robot, Path(folder), output / "film.jpg")
+        save_video(robot, Path(folder), output / "film.jpg")
         robot.key("P")
         robot.key("Q")
         robot.click_widget("tab:Poses")

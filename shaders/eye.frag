@@ -1,7 +1,7 @@
 #version 330
 //#include common.glsl
 //#include light.glsl
-// An eyeball: sclera and iris under a clear cornea, shaded by the lids, with the catchlight of a soft box.
+// Eyeball: sclera and iris under a clear cornea, shaded by the lids, with the catchlight of a soft box.
 uniform mat4 view;
 uniform bool textured;
 uniform sampler2D image;
@@ -9,10 +9,10 @@ uniform vec3 base;
 uniform vec3 centre;
 uniform float radius;
 uniform mat3 turn;  // from the neutral pose; its third column is the gaze
-uniform bool own_picture;  // whether the texture is seen along the gaze axis, its radius in proportion to the angle
+uniform bool own_picture;  // true if the texture is seen along the gaze axis, its radius proportional to the angle
 uniform vec3 catchlight;  // direction from the centre
-uniform vec2 corners;  // azimuths of the ends of the opening between the lids
-uniform vec2 lids[17];  // elevations of the margins of the upper and the lower lid at azimuths between them
+uniform vec2 corners;  // azimuths of the corners of the eye
+uniform vec2 lids[17];  // elevations of the upper and lower lid margins at azimuths between the corners
 
 in vec3 eye_position;
 in vec3 eye_normal;
@@ -21,12 +21,12 @@ in vec3 world_position;
 out vec4 colour;
 
 const float IRIS = radians(24.0);
-// Half the width and the height of the catchlight.
+// Half the width and half the height of the catchlight.
 const vec2 LAMP = radians(vec2(2.5, 2.9));
-// Of the texture: share of its width that is 100 degrees.
+// Share of the texture's width that spans 100 degrees.
 const float REACH = 0.49 / radians(100.0);
 
-// Distances in radians from the margins of the upper and lower lid, and from the nearer end of the opening.
+// Distances in radians from the upper and lower lid margins, and from the nearer corner.
 vec3 gaps(vec3 d) {
     float azimuth = atan(d.x, d.z), elevation = asin(clamp(d.y, -1.0, 1.0));
     float at = (azimuth - corners.x) / (corners.y - corners.x);
@@ -36,7 +36,7 @@ vec3 gaps(vec3 d) {
     return vec3(margin.x - elevation, elevation - margin.y, min(at, 1.0 - at) * (corners.y - corners.x));
 }
 
-// How much light the lids leave: the upper lid and its lashes shade widely, the lower one hardly.
+// Light not blocked by the lids: the upper lid and its lashes cast a wide shadow, the lower lid hardly any.
 float open_share(vec3 gap) {
     float upper = mix(0.30, 1.0, smoothstep(-0.02, 0.19, gap.x)) * mix(0.84, 1.0, smoothstep(0.10, 0.45, gap.x));
     float lower = mix(0.62, 1.0, smoothstep(-0.02, 0.09, gap.y));
@@ -44,8 +44,8 @@ float open_share(vec3 gap) {
     return upper * lower * ends;
 }
 
-// Where in the texture the iris lies that a ray through the cornea at the unit vector d meets: on a plane through the
-// iris's rim.
+// Texture coordinates of the iris for a ray refracted by the cornea at the unit vector d; the iris is a plane through
+// its rim.
 vec2 behind_cornea(vec3 local, vec3 normal, vec3 to_camera) {
     vec3 ray = refract(-to_camera, normal, 1.0 / 1.336);
     float depth = local.z - cos(IRIS);
@@ -59,7 +59,7 @@ void main() {
     vec3 around = (world_position - centre) / radius;
     vec3 d = normalize(around), gaze = turn[2];
     float angle = acos(clamp(dot(d, gaze), -1.0, 1.0));
-    // The cornea is curved more than the ball.
+    // The cornea has a higher curvature than the eyeball.
     float share = angle / IRIS;
     float tilt = angle * mix(1.6, 1.0, smoothstep(0.80, 1.25, share));
     vec3 aside = d - dot(d, gaze) * gaze;
@@ -75,7 +75,7 @@ void main() {
     vec3 albedo = textured ? pow(texture(image, uv).rgb, vec3(2.2)) : base;
     vec3 gap = gaps(d);
     float open = open_share(gap);
-    // Flesh at the inner corner, and light that has gone through lids and skin reddens what they shade.
+    // Flesh at the inner corner; subsurface light of lids and skin reddens the shadows.
     float inner = sign(centre.x) * d.x < 0.0 ? gap.z : 1.0;
     albedo = mix(albedo, vec3(0.42, 0.13, 0.11), 0.7 * smoothstep(0.15, 0.04, inner));
     vec3 shade = pow(vec3(open), vec3(0.86, 1.06, 1.08));
@@ -83,17 +83,17 @@ void main() {
     vec3 wrap = vec3(0.35);
     vec3 lit = ambient(n) + wrapped(dot(n, KEY.direction), wrap) * key_colour() * 0.42;
     lit += wrapped(dot(n, FILL.direction), wrap) * FILL.colour * 0.42;
-    // The cornea gathers light on the side of the iris that lies away from it.
+    // The cornea focuses light on the side of the iris opposite to the light.
     vec3 from_light = transpose(mat3(view)) * KEY.direction;
     lit *= 1.0 + iris * (0.10 - 0.55 * dot(aside, from_light) / sin(IRIS) * 0.5);
 
     float shine = glossy(wet, v, KEY.direction, 0.22, 0.025) * 0.30 * open * open;
     vec3 linear = albedo * lit * shade + key_colour() * shine;
-    // Tears along the lower lid.
+    // Tear film along the lower lid.
     float tears = smoothstep(0.0, 0.025, gap.y) * smoothstep(0.065, 0.030, gap.y) * smoothstep(0.0, 0.15, gap.z);
     linear += tears * 0.08 * vec3(0.95, 0.97, 1.0) * lit * open;
 
-    // The soft box, upright as the camera sees it.
+    // The soft box, upright in camera space.
     vec3 off = mat3(view) * (d - catchlight), normal = mat3(view) * catchlight;
     vec3 right = normalize(cross(vec3(0.0, 1.0, 0.0), normal));
     vec2 across = abs(vec2(dot(off, right), dot(off, cross(normal, right)))) / LAMP;

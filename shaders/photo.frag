@@ -1,5 +1,5 @@
 #version 330
-// The photo has its top row first, and is shown as it is.
+// The photo has its top row first, and is shown without lighting.
 uniform sampler2D image;
 uniform float opacity;
 in vec2 uv;

@@ -1,5 +1,5 @@
 #version 330
-// A rectangle with a photo on it.
+// Rectangle with a photo.
 uniform vec4 corners;  // left, bottom, right, top in clip space
 out vec2 uv;
 void main() {

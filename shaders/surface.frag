@@ -5,14 +5,14 @@
 #ifdef EXPRESSION_LINES
 //#include expression_lines.glsl
 #endif
-// Materials: 0 clay, 1 skin, 3 teeth, 4 gums, 5 tongue; eyes and lashes have shaders of their own.
+// Materials: 0 clay, 1 skin, 3 teeth, 4 gums, 5 tongue; eyes and lashes have their own shaders.
 uniform mat4 view;
 uniform int material;
 uniform bool textured;
 uniform sampler2D image;
 uniform vec3 base;
-uniform vec2 mouth;  // height of the upper teeth's edges, and how far forward the teeth reach
-uniform bool blended;  // whether what fades shows a photo or nothing instead of the backdrop
+uniform vec2 mouth;  // height of the upper teeth's edges, and front of the teeth
+uniform bool blended;  // true if faded parts show a photo or transparency instead of the backdrop
 
 in vec3 eye_position;
 in vec3 eye_normal;
@@ -26,7 +26,7 @@ void main() {
     vec3 n = normalize(eye_normal);
     vec4 texel = textured ? texture(image, texture_uv) : vec4(1.0);
     vec3 albedo = textured ? pow(texel.rgb, vec3(2.2)) : base;
-    // Where skin is as dark a red as the inside of the mouth.
+    // Skin with the dark red of the inside of the mouth.
     float outside = material == 1 ? smoothstep(0.015, 0.060, albedo.g) : 1.0;
     float redness = albedo.r / max(albedo.g, 0.001);
     float lining = (1.0 - outside) * smoothstep(4.0, 6.0, redness);
@@ -46,7 +46,7 @@ void main() {
     else if (material == 4) { roughness = 0.28; inside = 0.84; }
     else if (material == 5) { roughness = 0.36; inside = 0.84; }
     float facing = max(dot(n, v), 0.0);
-    // How deep in the mouth a place is: less where the jaw has taken it down to the light. Lips shade what is there.
+    // Depth inside the mouth, less where the open jaw exposes it to light; the lips shade it.
     float depth = mouth.y - world_position.z + 0.6 * min(world_position.y - mouth.x, 0.0);
     float behind = smoothstep(0.4, 5.5, depth);
     if (material >= 3 && material <= 5) {
@@ -59,12 +59,12 @@ void main() {
     shine += glossy(n, v, FILL.direction, roughness, f0) * FILL.colour;
     vec3 edge = material <= 1 ? rim_light(n, v) : vec3(0.0);
 
-    // In the mouth and between the lips no light comes from behind, and in the mouth little from before.
+    // Inside the mouth and between the lips there is no light from behind, and inside the mouth little from the front.
     edge *= outside * (material == 1 ? 1.0 - smoothstep(2.2, 2.9, redness) : 1.0);
     shine *= mix(0.25, 1.0, outside);
     inside *= mix(1.0, 0.28, behind * lining);
     vec3 linear = (albedo * lit + (shine + edge) * gloss) * inside;
-    // The inner side of the skin is seen from below, where the neck is cut; elsewhere it is a fold that turns over.
+    // The inner side of the skin is visible from below at the cut of the neck; elsewhere it belongs to a fold.
     float from_below = smoothstep(0.05, 0.30, -(transpose(mat3(view)) * v).y);
     bool inner = !gl_FrontFacing && material <= 1;
     if (inner) linear = mix(0.75 * linear, vec3(0.014, 0.013, 0.013), from_below);

@@ -5,7 +5,7 @@ in vec3 position;
 in vec3 normal;
 in vec2 uv;
 #ifdef EXPRESSION_LINES
-in vec3 line_coordinates;  // place in the map of expression lines, and whether it is skin that has any
+in vec3 line_coordinates;  // coordinates in the map of expression lines, and 1 for skin with lines
 uniform sampler2D line_strengths;
 out vec2 line_place;
 out vec2 line_strength;
@@ -15,7 +15,7 @@ out vec3 eye_normal;
 out vec3 world_normal;
 out vec2 texture_uv;
 out vec3 world_position;
-// With expression lines and without, triangles side by side must meet.
+// Adjacent triangles with and without expression lines must coincide at their edges.
 invariant gl_Position;
 void main() {
     vec4 seen = view * vec4(position, 1.0);

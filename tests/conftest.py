@@ -79,7 +79,7 @@ def open_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Iterator[Op
         running.append(app)
         if not pictures:
             monkeypatch.setattr(
-                app, "picture", lambda _: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+                app, "face_image", lambda _: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
             )
         return Robot(app)
 

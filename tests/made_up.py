@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from faceposer.files.atomic import atomic_folder, write_text
 from faceposer.files.json_documents import convert
+from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
@@ -48,6 +49,10 @@ class MidpointConstraint(ConstraintBase):
 
     def nudged(self, offset: tuple[float, float]) -> "MidpointConstraint":
         return replace(self, target=(self.target[0] + offset[0], self.target[1] + offset[1]))
+
+    def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> "MidpointConstraint":
+        assert places is not None
+        return replace(self, anchors=(places[0], places[1]), camera=self.camera.following(frame), rest=None)
 
     def place(self, names: PlaceNames) -> str:
         return f"middle of {names.pair(self.anchors)}"

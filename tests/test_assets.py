@@ -15,7 +15,7 @@ from faceposer.geometry.picking import pick
 from faceposer.model.character import ARKIT_SHAPES, Character, Part
 from faceposer.model.character_file import load_character
 from faceposer.model.contact.step import ContactStep
-from faceposer.model.shape_names import SPLIT_SHAPES, whole_of
+from faceposer.model.shape_names import SPLIT_SHAPES, whole_shape_of
 from faceposer.resources import asset_path
 
 PEOPLE = ("man", "woman")
@@ -133,7 +133,7 @@ def test_sizes_are_those_of_a_head(character: Character) -> None:
 
 
 def test_shapes_are_those_of_arkit_in_order_two_of_them_in_halves(character: Character) -> None:
-    assert tuple(dict.fromkeys(map(whole_of, character.shape_names))) == ARKIT_SHAPES
+    assert tuple(dict.fromkeys(map(whole_shape_of, character.shape_names))) == ARKIT_SHAPES
     assert set(character.shape_names) - set(ARKIT_SHAPES) == set(SPLIT_SHAPES)
     assert len(character.shape_names) == 54
     assert len(set(ARKIT_SHAPES)) == 52

@@ -29,7 +29,7 @@ _START_PRIOR = 0.1
 _SLACK = 1.5
 
 
-def follow(
+def solve_trajectories(
     model: FaceModel,
     trajectories: Trajectories,
     *,
@@ -103,7 +103,7 @@ def residuals(model: FaceModel, trajectories: Trajectories, performance: Perform
 
     In pixels of the camera, or in space in the unit of the face.
     """
-    rows, neutral = model.rows_at(trajectories.points)
+    rows, neutral = model.jacobian_at(trajectories.points)
     distances = np.full(trajectories.positions.shape[:2], np.nan)
     for frame, pose in enumerate(performance.coefficients):
         places = neutral + rows @ pose
@@ -129,7 +129,7 @@ class _FrameProblems:
         """Return the problem of a ``frame`` with the prior conditioned on the pose ``reference``, shape (r,)."""
         trajectories = self.trajectories
         seen = trajectories.seen[frame]
-        rows, neutral = self.model.rows_at(trajectories.points)
+        rows, neutral = self.model.jacobian_at(trajectories.points)
         track = TrackTerm(
             rows[seen],
             neutral[seen],
@@ -162,7 +162,7 @@ def _within_range(model: FaceModel, trajectories: Trajectories, start: Array) ->
     camera = trajectories.camera
     if camera is None or not len(trajectories.points):
         return trajectories
-    rows, neutral = model.rows_at(trajectories.points)
+    rows, neutral = model.jacobian_at(trajectories.points)
     reach = reach_of_rows(model, start, rows, neutral, camera)
     pixels = camera.project(neutral + rows @ start)
     limited = np.array([pixels + _SLACK * reach.limited((frame - pixels) / _SLACK) for frame in trajectories.positions])

@@ -1,4 +1,4 @@
-"""Face Poser in Python: load a face, say what pulls at it, solve, take vertices and weights (docs/api.md)."""
+"""Python interface: load a face, add constraints, solve, and read vertices and weights (docs/api.md)."""
 
 from faceposer.animation.trajectories import Trajectories
 from faceposer.api.face import Face, characters, load

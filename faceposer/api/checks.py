@@ -1,4 +1,4 @@
-"""What a caller may give besides places: refused at once and in one sentence, so that nothing wrong is ever saved."""
+"""Checks of arguments other than places: errors are raised before the session changes, so that it remains valid."""
 
 import json
 import math
@@ -18,70 +18,70 @@ T = TypeVar("T")
 _LARGEST_SIDE = 16384
 
 
-def _shown(value: object) -> str:
-    """Return the beginning of how Python writes ``value``, in one line."""
+def _short_repr(value: object) -> str:
+    """Return the beginning of ``repr(value)`` on one line, for messages."""
     return " ".join(repr(value).split())[:60]
 
 
-def one_of(value: T, choices: Sequence[T], what: str) -> T:
+def one_of(value: T, choices: Sequence[T], label: str) -> T:
     """Return ``value`` if it is one of ``choices``.
 
     Raises:
-        FacePoserError: Naming ``what`` it is for.
+        FacePoserError: Otherwise; the message begins with ``label``.
     """
     if value not in choices:
-        raise FacePoserError(f"{what} is one of {', '.join(map(repr, choices))}, not {_shown(value)}.")
+        raise FacePoserError(f"{label} must be one of {', '.join(map(repr, choices))}, not {_short_repr(value)}.")
     return value
 
 
-def some_of(values: Iterable[T] | T, choices: Sequence[T], what: str) -> tuple[T, ...]:
-    """Return ``values``, or the only one, as a tuple, if all are among ``choices``.
+def some_of(values: Iterable[T] | T, choices: Sequence[T], label: str) -> tuple[T, ...]:
+    """Return ``values``, several or a single one, as a tuple if all are among ``choices``.
 
     Raises:
-        FacePoserError: Naming ``what`` they are for.
+        FacePoserError: Otherwise; the message begins with ``label``.
     """
     several = (values,) if isinstance(values, str) or not isinstance(values, Iterable) else tuple(values)
-    return tuple(one_of(value, choices, what) for value in several)
+    return tuple(one_of(value, choices, label) for value in several)
 
 
-def real(value: float, what: str) -> float:
-    """Return ``value`` as a number, whatever its size.
+def real(value: float, label: str) -> float:
+    """Return ``value`` as a float of any size.
 
     Raises:
-        FacePoserError: If it is none, naming ``what`` it is.
+        FacePoserError: If it is not a number; the message begins with ``label``.
     """
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise FacePoserError(f"{what} is a number, not {_shown(value)}.") from error
+        raise FacePoserError(f"{label} must be a number, not {_short_repr(value)}.") from error
 
 
-def number(value: float, least: float, most: float, what: str) -> float:
-    """Return ``value`` as a number from ``least`` to ``most``.
+def number(value: float, least: float, most: float, label: str) -> float:
+    """Return ``value`` as a float from ``least`` to ``most``.
 
     Raises:
-        FacePoserError: If it is none, naming ``what`` it is.
+        FacePoserError: If it is not such a number; the message begins with ``label``.
     """
-    found = math.nan if isinstance(value, bool) else real(value, what)
+    found = math.nan if isinstance(value, bool) else real(value, label)
     if not least <= found <= most:
-        raise FacePoserError(f"{what} is a number from {least:g} to {most:g}, not {_shown(value)}.")
+        raise FacePoserError(f"{label} must be a number from {least:g} to {most:g}, not {_short_repr(value)}.")
     return found
 
 
 def frame_number(frame: int) -> int:
-    """Return ``frame`` if an animation can have a key there.
+    """Return ``frame`` if an animation can have a key at it.
 
     Raises:
-        FacePoserError: If not.
+        FacePoserError: If it is not a whole number, or out of range.
     """
     whole = isinstance(frame, (int, np.integer)) and not isinstance(frame, bool)
     if not whole or not 0 <= frame < LONGEST:
-        raise FacePoserError(f"A frame is a whole number from 0 to {LONGEST - 1}, not {_shown(frame)}.")
+        raise FacePoserError(f"A frame must be a whole number from 0 to {LONGEST - 1}, not {_short_repr(frame)}.")
     return int(frame)
 
 
-def picture_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return ``size`` if a picture can have it.
+def image_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return ``size`` if it is a valid size of an image.
 
     Raises:
         FacePoserError: If it is not two whole numbers, or they are too small or too large.
@@ -93,46 +93,47 @@ def picture_size(size: tuple[int, int]) -> tuple[int, int]:
         good = False
     if not good:
         raise FacePoserError(
-            f"The size of a picture is (width, height) in whole pixels from 1 to {_LARGEST_SIDE}, not {_shown(size)}."
+            f"The size of an image must be (width, height) in whole pixels from 1 to {_LARGEST_SIDE}, not "
+            f"{_short_repr(size)}."
         )
     return int(width), int(height)
 
 
 def known_camera(camera: object) -> Camera:
-    """Return ``camera`` if it is one.
+    """Return ``camera`` if it is a camera.
 
     Raises:
-        FacePoserError: If not.
+        FacePoserError: Otherwise.
     """
     if not isinstance(camera, Camera):
-        raise FacePoserError(f"A camera is what Face.camera() returns, not {_shown(camera)}.")
+        raise FacePoserError(f"A camera must be of the class that Face.camera() returns, not {_short_repr(camera)}.")
     return camera
 
 
 def performance_of(performance: Performance, model: FaceModel) -> Performance:
-    """Return ``performance`` if it is one of the face of ``model``.
+    """Return ``performance`` if it is a performance of the face of ``model``.
 
     Raises:
-        FacePoserError: If not.
+        FacePoserError: Otherwise.
     """
     if not isinstance(performance, Performance):
-        raise FacePoserError(f"A motion is a Performance, not {_shown(performance)}.")
-    wanted, found = len(model.neutral()), performance.coefficients.shape[1]
-    if found != wanted:
+        raise FacePoserError(f"A motion must be a Performance, not {_short_repr(performance)}.")
+    expected, found = len(model.neutral()), performance.coefficients.shape[1]
+    if found != expected:
         raise FacePoserError(
-            f"The motion has {found} coefficients and '{model.character.title}' has {wanted}: it is of another face, "
-            "which transfer_to takes it from."
+            f"The motion has {found} coefficients, but '{model.character.title}' has {expected}; use transfer_to to "
+            "transfer the motion of another face."
         )
     if not np.isfinite(performance.coefficients).all():
-        raise FacePoserError("The motion has coefficients that are no numbers.")
+        raise FacePoserError("The motion has coefficients that are not finite numbers.")
     return performance
 
 
 def check_constraint(constraint: Constraint) -> None:
-    """Refuse a constraint that a session's file could not hold.
+    """Check that a session file can hold ``constraint``.
 
     Raises:
-        FacePoserError: Naming what is wrong with it.
+        FacePoserError: If a value is invalid; the message names it.
     """
     text = json.dumps(constraint.to_json(), default=repr)
     constraint_from_json(json.loads(text), f"The {constraint.kind} constraint")

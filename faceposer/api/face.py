@@ -1,17 +1,17 @@
-"""A face to pose in Python: what the window does to a session, ``Face`` does to it too (docs/api.md)."""
+"""Posing a face from Python: ``Face`` edits a session as the window does (docs/api.md)."""
 
 import warnings
-from collections.abc import Iterable, Mapping
-from os import PathLike, fspath
+from os import fspath
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.api import checks
-from faceposer.api.motion import InMotion
+from faceposer.api.motion import MotionMixin
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
+from faceposer.api.posing import PathName, PosingMixin
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
@@ -20,8 +20,6 @@ from faceposer.model.character import Character
 from faceposer.model.character_file import available_characters
 from faceposer.model.face_model import FaceModel
 from faceposer.model.framing import face_view
-from faceposer.poses import applying, library
-from faceposer.poses.pose_file import Pose, checked_name, read_pose
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.solve.constraints.base import LARGEST_WEIGHT
@@ -36,21 +34,18 @@ from faceposer.solve.map_solver import Solution
 from faceposer.solve.priors import PRIORS, Prior
 
 Array = NDArray[np.float64]
-PathName = str | PathLike[str]
 _Kind = TypeVar("_Kind", bound=Constraint)
 _SIZE = (960, 960)
-# As files of weights have them.
-_LARGEST_SHAPE = 1000.0
 
 
 def load(what: PathName) -> "Face":
-    """Return a face: a shipped character by its name ("man"), a character's file (.npz), or a saved session (.json).
+    """Load a built-in character by name ("man"), a character file (.npz) or a saved session (.json).
 
-    A session that was made on another version of its character is made to fit, with a ``FacePoserWarning`` that says
-    what was done and what may be off (docs/session-format.md).
+    A session made with another version of its character is adapted, with a ``FacePoserWarning`` that describes the
+    changes (docs/session-format.md).
 
     Raises:
-        FacePoserError: If it cannot be found or read.
+        FacePoserError: If the face cannot be found or read.
     """
     session = open_session(fspath(what))
     if session.remark:
@@ -59,33 +54,32 @@ def load(what: PathName) -> "Face":
 
 
 def characters() -> list[str]:
-    """Return the names of the characters that come with the program."""
+    """Return the names of the built-in characters."""
     return [name for name, _ in available_characters()]
 
 
-class Face(InMotion):
-    """A face, what pulls at it, and its pose.
+class Face(PosingMixin, MotionMixin):
+    """A face with its constraints and its pose.
 
-    Constraints are added one by one; ``solve`` lets the face follow all of them. Pixels are (u, v) from the top left of
-    a camera's picture; without a camera they are those of ``camera()``, the front view of 960 x 960. Methods raise
-    FacePoserError, with one sentence, where something does not fit.
+    Constraints are added one by one; ``solve`` then finds the pose that satisfies all of them. Pixels are (u, v) from
+    the top left of a camera's image; the default camera is ``camera()``, the front view of 960 x 960 pixels. Methods
+    raise FacePoserError, with one sentence, if an argument is invalid.
 
     Attributes:
-        session: The document with its history, as the window edits it, for what this class does not offer.
+        session: The document with its history, as the window edits it, for anything that this class does not offer.
     """
 
     def __init__(self, session: Session) -> None:
-        """Work on ``session``."""
+        """Wrap ``session``."""
         session.wait()
-        # The face follows when it is told to, so that ten constraints cost one solve.
+        # Solve on request only, so that ten constraints cost one solve.
         session.mode = "apply"
         self.session = session
 
-    # What there is
-
+    # State
     @property
     def model(self) -> FaceModel:
-        """The character with its subspace and its prior."""
+        """The character with its subspace and prior."""
         return self.session.model
 
     @property
@@ -95,7 +89,7 @@ class Face(InMotion):
 
     @property
     def subject(self) -> Character:
-        """The character; an earlier name of this attribute."""
+        """Alias of ``character``, its former name."""
         return self.character
 
     @property
@@ -105,76 +99,75 @@ class Face(InMotion):
 
     @property
     def vertices(self) -> NDArray[np.float32]:
-        """The vertices as they are shown and exported, shape (N, 3), in centimetres, in the character's order."""
+        """The vertices as shown and exported, shape (N, 3), in centimetres, in the character's order."""
         return self.session.vertices
 
     @property
     def contact(self) -> bool:
-        """Whether surfaces are kept apart after the solve: lids, eyeballs, lips and teeth (docs/contact.md).
+        """True if lids, eyeballs, lips and teeth are kept from intersecting after the solve (docs/contact.md).
 
-        It shows in ``vertices``, pictures, films and meshes; morph targets of .glb and weights cannot contain it.
+        Contact affects ``vertices``, images, videos and meshes; morph targets (.glb) and weights cannot contain it.
         """
         return self.session.document.contact
 
     @contact.setter
     def contact(self, on: bool) -> None:
         if not isinstance(on, bool):
-            raise FacePoserError(f"The contact is True or False, not {on!r}.")
+            raise FacePoserError(f"The contact must be True or False, not {on!r}.")
         self.session.set_contact(on)
 
     @property
     def triangles(self) -> NDArray[np.int32]:
-        """Vertex ids, shape (T, 3)."""
+        """Vertex indices of the triangles, shape (T, 3)."""
         return self.model.triangles
 
     @property
     def weights(self) -> dict[str, float]:
-        """Weight of each of the rig's shapes by name, within its limits, nearest to the pose."""
+        """Weights of the rig's shapes by name, within their limits, that best reproduce the pose."""
         from faceposer.solve.weight_fit import fit_weights
 
         return fit_weights(self.model, self.coefficients)
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """What pulls at the face, in the order in which it was added."""
+        """The constraints on the face, in the order in which they were added."""
         return self.session.document.constraints
 
     @property
     def residuals(self) -> tuple[float, ...]:
-        """How far each constraint is from being met, in pixels of its camera."""
+        """Error of each constraint, in pixels of its camera."""
         return self.session.residuals_px
 
     def camera(self, view: ViewName = "front", size: tuple[int, int] = _SIZE) -> Camera:
-        """Return the camera that frames the face from ``view`` in a picture of ``size``, (width, height) in pixels."""
+        """Return the camera that frames the face from ``view`` in an image of ``size``, (width, height) in pixels."""
         checks.one_of(view, tuple(VIEW_ANGLES), "A view")
-        width, height = checks.picture_size(size)
+        width, height = checks.image_size(size)
         return face_view(self.character, view, width / height).camera((width, height))
 
     def pixel(self, place: Place, camera: Camera | None = None) -> tuple[float, float]:
-        """Return where ``camera`` shows ``place`` in the present pose."""
-        camera = self._seen_by(camera)
+        """Return the pixel (u, v) at which ``camera`` shows ``place`` in the current pose."""
+        camera = self._checked_camera(camera)
         points = SurfacePoints.of([self._point(place, camera)])
         u, v = camera.project(self.model.positions_at(points, self.coefficients))[0].tolist()
         return (u, v)
 
-    # What pulls at the face
-
+    # Constraints
     def drag(
         self, place: Place, to: tuple[float, float], camera: Camera | None = None, weight: float = 1.0
     ) -> PointConstraint:
-        """Pull ``place`` to the pixel ``to``."""
-        camera = self._seen_by(camera)
+        """Add a point constraint that pulls ``place`` to the pixel ``to``."""
+        camera = self._checked_camera(camera)
         target = pixels_of([to])[0]
         return self._add(PointConstraint(self._point(place, camera), target, camera, weight=weight), "Place a point")
 
     def set_distance(
         self, first: Place, second: Place, pixels: float, camera: Camera | None = None, weight: float = 1.0
     ) -> DistanceConstraint:
-        """Let ``first`` and ``second`` appear so many ``pixels`` apart."""
-        camera = self._seen_by(camera)
+        """Add a distance constraint: ``first`` and ``second`` appear ``pixels`` apart in the image of ``camera``."""
+        camera = self._checked_camera(camera)
         anchors = (self._point(first, camera), self._point(second, camera))
         if anchors[0] == anchors[1]:
-            raise FacePoserError("A distance is between two places, and these are one.")
+            raise FacePoserError("A distance must be between two different places.")
         length = checks.real(pixels, "The distance")
         return self._add(DistanceConstraint(anchors, length, camera, weight=weight), "Set a distance")
 
@@ -188,79 +181,80 @@ class Face(InMotion):
         energy: StrokeEnergy = "distance",
         weight: float = 1.0,
     ) -> StrokeConstraint:
-        """Let what a brush of ``width`` pixels painted along ``source`` come to lie where it painted along ``target``.
+        """Add a stroke constraint: the part of the face under the stroke ``source`` moves to the stroke ``target``.
 
         Args:
-            source: Pixels along the way over the face in its present pose, shape (n, 2).
-            target: Pixels along the way where that should be, shape (m, 2).
-            width: Diameter of the brush.
-            camera: The view in which both were drawn.
-            shape: Whether the target is a line, closes itself, or is filled.
-            energy: "distance", or the paper's difference of "image"s.
-            weight: Factor on its energy.
+            source: Pixels along the stroke over the face in its current pose, shape (n, 2).
+            target: Pixels along the stroke to which that part moves, shape (m, 2).
+            width: Diameter of the brush, in pixels.
+            camera: The view in which both strokes are drawn.
+            shape: Shape of the target: an open line, a closed line, or a filled area.
+            energy: "distance", or "image" for the image difference of the paper.
+            weight: Factor on the energy of the constraint.
         """
-        drawn = StrokeConstraint(
+        constraint = StrokeConstraint(
             pixels_of(source),
             pixels_of(target),
             checks.real(width, "The width"),
-            self._seen_by(camera),
+            self._checked_camera(camera),
             shape=shape,
             energy=energy,
             weight=weight,
         )
-        return self._add(drawn, "Draw a stroke")
+        return self._add(constraint, "Draw a stroke")
 
     def curve(
         self, source: Pixels, target: Pixels, camera: Camera | None = None, weight: float = 1.0
     ) -> CurveConstraint:
-        """Let the face under the curve through ``source`` follow that through ``target``, as many pixels, (n, 2)."""
-        ways = pixels_of(source), pixels_of(target)
-        if not 2 <= len(ways[0]) == len(ways[1]):
+        """Add a curve constraint: the face under the curve ``source`` moves to ``target``, pixels of shape (n, 2)."""
+        curves = pixels_of(source), pixels_of(target)
+        lengths = len(curves[0]), len(curves[1])
+        if not 2 <= lengths[0] == lengths[1]:
             raise FacePoserError(
-                f"A curve has two points or more, and as many for its target, not {len(ways[0])} and {len(ways[1])}."
+                f"A curve and its target must have the same number of points, two points or more, not {lengths[0]} and "
+                f"{lengths[1]}."
             )
-        return self._add(CurveConstraint(*ways, self._seen_by(camera), weight=weight), "Draw a curve")
+        return self._add(CurveConstraint(*curves, self._checked_camera(camera), weight=weight), "Draw a curve")
 
     def fix(self, what: str | ArrayLike, weight: float = 1.0) -> FixedConstraint:
-        """Hold ``what`` where it is now: a region ("left brow"), a feature point, or indices of vertices, (n,)."""
+        """Fix ``what`` at its current place: a region ("left brow"), a feature point, or vertex indices, shape (n,)."""
         ids = fixed_vertices(self.character, what)
         return self._add(FixedConstraint(SurfacePoints.at_vertices(ids), weight=weight), "Fix vertices")
 
     def look(self, yaw: float = 0.0, pitch: float = 0.0) -> GazeConstraint:
-        """Turn both eyes by degrees to the character's left and upwards, in place of where they were told to look.
+        """Turn both eyes by ``yaw`` degrees to the character's left and ``pitch`` degrees up, replacing a former gaze.
 
         Raises:
             FacePoserError: If the character has no shapes that turn its eyes.
         """
-        told = [i for i, constraint in enumerate(self.constraints) if isinstance(constraint, GazeConstraint)]
+        existing = [i for i, constraint in enumerate(self.constraints) if isinstance(constraint, GazeConstraint)]
         angles = tuple(checks.number(angle, -180.0, 180.0, "An angle") for angle in (yaw, pitch))
         gaze = GazeConstraint((angles[0], angles[1])).within_reach()
         if not gaze.weights().keys() & set(self.character.shape_names):
             raise FacePoserError(
-                f"The eyes of '{self.character.title}' cannot be turned, because it has no eyeLook shapes; set others."
+                f"The eyes of '{self.character.title}' cannot be turned, because the character has no eyeLook shapes."
             )
-        if not told:
+        if not existing:
             return self._add(gaze, "Turn the eyes")
-        self.session.change_constraint(told[0], gaze, "Turn the eyes")
+        self.session.change_constraint(existing[0], gaze, "Turn the eyes")
         return gaze
 
     def remove(self, constraint: Constraint) -> None:
-        """Take ``constraint``, one of ``constraints``, away."""
+        """Remove ``constraint``, one of ``constraints``."""
         for i, other in enumerate(self.constraints):
             if other is constraint or other == constraint:
                 self.session.remove_constraints({i}, "Remove a constraint")
                 return
-        raise FacePoserError("This constraint does not pull at the face; give one of 'constraints'.")
+        raise FacePoserError("The constraint is not on this face; give one of 'constraints'.")
 
     def reset(self) -> None:
-        """Return to the neutral face without constraints."""
+        """Reset to the neutral face without constraints."""
         self.session.reset_pose()
 
-    # How it follows
-
+    # Solving
     @property
     def prior_weight(self) -> float:
-        """How strongly the face is held to natural expressions, from 0; usually 1."""
+        """Weight of the prior on natural expressions, at least 0; 1 by default."""
         return self.session.document.prior_weight
 
     @prior_weight.setter
@@ -269,18 +263,18 @@ class Face(InMotion):
 
     @property
     def prior(self) -> Prior:
-        """Whether the face is judged by "regions", as a "whole", or as the mixture was learned, "plain"."""
+        """Evaluation of the prior: per region ("regions"), over the "whole" face, or as the "plain" mixture."""
         return self.session.document.prior
 
     @prior.setter
     def prior(self, prior: Prior) -> None:
         if prior not in PRIORS:
-            raise FacePoserError(f"The prior is one of {', '.join(PRIORS)}, not '{prior}'.")
+            raise FacePoserError(f"The prior must be one of {', '.join(PRIORS)}, not '{prior}'.")
         self.session.set_prior(prior)
 
     @property
     def spread(self) -> float:
-        """How much of the face follows a pull, from 0, only what was pulled, to 1, the whole face; usually 0.5."""
+        """Extent of the face that follows, from 0 (only the pulled part) to 1 (the whole face); 0.5 by default."""
         return self.session.document.spread
 
     @spread.setter
@@ -288,74 +282,17 @@ class Face(InMotion):
         self.session.set_spread(checks.number(spread, 0.0, 1.0, "The spread"))
 
     def solve(self) -> Solution:
-        """Let the face follow all constraints, and return what came of it: energy, residuals, iterations, seconds."""
+        """Solve for the pose that best satisfies all constraints; return energy, residuals, iterations and seconds."""
         self.session.apply()
         self.session.wait(timeout=600.0)
         assert self.session.solution is not None
         return self.session.solution
 
-    # The pose that it starts from
-
-    def set_weights(self, weights: Mapping[str, float]) -> None:
-        """Start from the pose with these ``weights`` by the names of the rig's shapes, the others being 0."""
-        for name, weight in weights.items():
-            checks.number(weight, -_LARGEST_SHAPE, _LARGEST_SHAPE, f"The weight of '{name}'")
-        try:
-            start = self.model.coefficients_of(weights)
-        except KeyError as error:
-            raise FacePoserError(f"'{self.character.title}' has no shape '{error.args[0]}'.") from error
-        self._start_from(start, "Set the weights")
-
-    def apply_pose(
-        self,
-        pose: Pose | PathName,
-        strength: float = 1.0,
-        regions: Iterable[applying.Region] | applying.Region | None = None,
-        side: applying.Side = "both",
-        blend: applying.Blend = "replace",
-    ) -> None:
-        """Apply ``pose`` to the pose that the face starts from.
-
-        Args:
-            pose: A pose, its file (.json), or the name of one of the user's or of those that come with the program.
-            strength: From -1 to 2; 1 gives the pose itself.
-            regions: Which of "brows", "eyes", "cheeks" and "mouth" it reaches; None for the whole face.
-            side: Which side it reaches.
-            blend: "replace" goes from the start towards the pose, "add" puts the pose on top of it.
-        """
-        chosen = pose if isinstance(pose, Pose) else self._find_pose(pose)
-        start = self.model.neutral() if self.session.document.start is None else self.session.document.start
-        reached = None if regions is None else checks.some_of(regions, applying.REGIONS, "A region")
-        checks.one_of(side, get_args(applying.Side), "A side")
-        checks.one_of(blend, get_args(applying.Blend), "The blend")
-        checks.number(strength, applying.LEAST_STRENGTH, applying.GREATEST_STRENGTH, "The strength")
-        posed = applying.applied(self.model, start, chosen, strength, reached, side, blend)
-        self._start_from(posed, f"Apply {chosen.name}")
-
-    def mirror(self, source: Literal["left", "right"] = "left") -> None:
-        """Make the other side of the face the image of the side ``source``; constraints have then done their part."""
-        checks.one_of(source, ("left", "right"), "The source of a mirror")
-        self.session.rebase_pose(applying.mirrored(self.model, self.coefficients, source), "Mirror the face")
-
-    def flip(self) -> None:
-        """Exchange left and right of the face; its constraints have then done their part."""
-        self.session.rebase_pose(applying.flipped(self.model, self.coefficients), "Flip the face")
-
-    def pose(self, name: str) -> Pose:
-        """Return the present pose under a ``name``."""
-        return applying.pose_of(self.model, self.coefficients, checked_name(name))
-
-    def save_pose(self, name: str, folder: PathName | None = None, overwrite: bool = False) -> Path:
-        """Write the present pose into the user's library, or into ``folder``, and return its file."""
-        where = library.own_folder() if folder is None else Path(folder)
-        return library.PoseLibrary(where).save(self.pose(name), overwrite)
-
-    # Files and pictures
-
+    # Files and images
     def save(self, path: PathName) -> Path:
-        """Write the session (.json), a picture (.png), or the pose as ``export`` does, and return the path.
+        """Write the session (.json), an image (.png), or the pose as ``export`` does, and return the path.
 
-        Contact is in pictures and meshes, not in the morph targets of .glb nor in weights.
+        Images and meshes contain contact; morph targets (.glb) and weights do not.
         """
         target = Path(path)
         suffix = target.suffix.lower()
@@ -367,14 +304,6 @@ class Face(InMotion):
             self.export(target)
         return target
 
-    def take_pose(self, path: PathName, frame: int = 0) -> str:
-        """Start from the pose in a posed mesh (.obj, .ply) or in a frame of weights; return how well it came over."""
-        from faceposer.interchange.reading import read_pose
-
-        read = read_pose(Path(path), self.model, frame)
-        self._start_from(read.coefficients, "Open a pose")
-        return read.note
-
     def render(
         self,
         path: PathName | None = None,
@@ -384,24 +313,24 @@ class Face(InMotion):
         expression_lines: bool = True,
         transparent: bool = False,
     ) -> NDArray[np.uint8]:
-        """Return a picture of the face, shape (height, width, 3), and write it to ``path`` (.png) if there is one.
+        """Render the face, shape (height, width, 3), and write the image to ``path`` (.png) if given.
 
         Args:
-            path: Where to write it.
-            view: Where to look from, or a camera, which brings its own size.
+            path: File to write.
+            view: Name of a view, or a camera, which has its own size.
             size: Width and height in pixels.
-            shading: "clay" leaves the textures out.
-            expression_lines: Draw the lines of the skin that the pose makes; clay has none.
-            transparent: Leave the background out; the shape is (height, width, 4) then, with straight alpha.
+            shading: "full", or "clay" for a render without textures.
+            expression_lines: Show the expression lines of the skin; clay shows none.
+            transparent: Make the background transparent; the shape is then (height, width, 4), with straight alpha.
         """
         from faceposer.render.images import write_png
         from faceposer.render.offscreen import render_character
 
         checks.one_of(shading, ("full", "clay"), "The shading")
         if path is not None and Path(path).suffix.lower() != ".png":
-            raise FacePoserError(f"The picture '{path}' must end in '.png'.")
+            raise FacePoserError(f"The image '{path}' must end in '.png'.")
         camera = view if isinstance(view, Camera) else self.camera(view, size)
-        picture = render_character(
+        image = render_character(
             self.character,
             self.vertices,
             camera,
@@ -410,12 +339,10 @@ class Face(InMotion):
             transparent=transparent,
         )
         if path is not None:
-            write_png(Path(path), picture)
-        return picture
+            write_png(Path(path), image)
+        return image
 
-    # Behind it
-
-    def _seen_by(self, camera: Camera | None) -> Camera:
+    def _checked_camera(self, camera: Camera | None) -> Camera:
         return self.camera() if camera is None else checks.known_camera(camera)
 
     def _point(self, place: Place, camera: Camera) -> SurfacePoint | int:
@@ -430,21 +357,3 @@ class Face(InMotion):
             raise FacePoserError(f"The constraint does not fit '{self.character.title}': {error}.") from error
         self.session.add_constraint(resolved, label)
         return resolved
-
-    def _start_from(self, start: Array, label: str) -> None:
-        with self.session.edit(label):
-            self.session.set_start(start)
-
-    def _find_pose(self, name: PathName) -> Pose:
-        text = fspath(name)
-        if Path(text).suffix.lower() == library.SUFFIX:
-            return read_pose(Path(text))
-        own = library.PoseLibrary(library.own_folder()).entries()
-        entries = [
-            entry
-            for entry in (*own, *library.starter_poses())
-            if entry.pose is not None and applying.weights_on(entry.pose, self.character) is not None
-        ]
-        pose = library.found(entries, text, f"for '{self.character.title}'").pose
-        assert pose is not None
-        return pose

@@ -1,4 +1,4 @@
-"""What a caller may give for places and pixels, and what constraints take."""
+"""Conversion of the places and pixels that callers give to the form that constraints take."""
 
 from collections.abc import Sequence
 
@@ -13,13 +13,13 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_names import feature_vertex, region_vertices
 from faceposer.solve.constraints.stroke import as_pixels
 
-#: A place on a face: what people call it, the index of a vertex, a surface point, or the pixel that shows it.
+#: A place on a face: the name of a feature point, a vertex index, a surface point, or a pixel.
 Place = str | int | SurfacePoint | tuple[float, float]
 Pixels = Sequence[tuple[float, float]] | ArrayLike
 
 
 def point_at(model: FaceModel, p: ArrayLike, place: Place, camera: Camera) -> SurfacePoint | int:
-    """Return the point of the surface that ``place`` means, a pixel of ``camera`` being looked up on the face ``p``.
+    """Return the surface point at ``place``; a pixel of ``camera`` is picked on the face in the pose ``p``, shape (r,).
 
     Raises:
         FacePoserError: If there is no such place.
@@ -41,10 +41,10 @@ def point_at(model: FaceModel, p: ArrayLike, place: Place, camera: Camera) -> Su
 
 
 def fixed_vertices(character: Character, what: str | ArrayLike) -> NDArray[np.int64]:
-    """Return the vertices that ``what`` means: a region, else a feature point, by name, or indices, shape (n,).
+    """Return the vertex indices, shape (n,), of a region or feature point by name, or check those given.
 
     Raises:
-        FacePoserError: If there are no such places.
+        FacePoserError: If there is no such region, feature point or vertex.
     """
     if not isinstance(what, str):
         return _vertices(character, what)
@@ -58,27 +58,27 @@ def fixed_vertices(character: Character, what: str | ArrayLike) -> NDArray[np.in
 
 
 def pixels_of(points: Pixels) -> tuple[tuple[float, float], ...]:
-    """Return ``points``, shape (n, 2) with n at least 1, as constraints keep pixels.
+    """Convert ``points``, shape (n, 2) with n >= 1, to the form in which constraints store pixels.
 
     Raises:
-        FacePoserError: If they are anything else.
+        FacePoserError: If ``points`` have another shape or are not finite.
     """
     try:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError):
         array = np.zeros(0)
     if array.ndim != 2 or array.shape[1] != 2 or not len(array) or not np.isfinite(array).all():
-        raise FacePoserError("Pixels are given as pairs of numbers (u, v), at least one.")
+        raise FacePoserError("Pixels must be pairs of numbers (u, v), at least one.")
     return as_pixels(array)
 
 
 def _vertices(character: Character, indices: ArrayLike) -> NDArray[np.int64]:
     array = np.atleast_1d(np.asarray(indices))
     if array.ndim != 1 or not len(array) or array.dtype.kind not in "iu":
-        raise FacePoserError("Vertices are given by their numbers, at least one.")
+        raise FacePoserError("Vertices must be a list of indices, at least one.")
     outside = array[(array < 0) | (array >= len(character.vertices))]
     if len(outside):
         raise FacePoserError(
-            f"'{character.title}' has the vertices 0 to {len(character.vertices) - 1}, not {outside[0]}."
+            f"'{character.title}' has the vertices 0 to {len(character.vertices) - 1}, but no vertex {outside[0]}."
         )
     return array.astype(np.int64)

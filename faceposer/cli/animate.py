@@ -1,4 +1,4 @@
-"""The command that makes a face follow trajectories: ``animate``."""
+"""``faceposer animate``: animates a face so that a few points follow trajectories."""
 
 import argparse
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_spread, number_between
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.files.atomic import check_apart
+from faceposer.files.atomic import check_not_input
 
 NAME = "animate"
 _PRIORS = ("regions", "whole", "plain")
@@ -16,28 +16,26 @@ def add_parser(commands: Any) -> None:
     """Add the parser of ``animate`` to ``commands``."""
     parser: argparse.ArgumentParser = commands.add_parser(
         NAME,
-        help="make a face follow the trajectories of a few points",
-        description="Pose a face in every frame so that points of it follow trajectories in a picture or in space, "
-        "smoothly and like a real face (docs/animation.md), and write the animation.",
+        help="animate a face by the trajectories of a few points",
+        description="Solve a pose for every frame so that points of the face follow trajectories in an image or in "
+        "space, smoothly and naturally (docs/animation.md), and write the animation.",
     )
-    parser.add_argument("character", metavar="CHARACTER", help="name or file (.npz) of the face")
-    parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="file of .csv, .json or .c3d")
+    parser.add_argument("character", metavar="CHARACTER", help="name of a character, or character file (.npz)")
+    parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="trajectories (.csv, .json or .c3d)")
     parser.add_argument(
         "-o",
         "--output",
         type=Path,
         metavar="OUT",
         required=True,
-        help="animation to write: weights (.json; .csv of Live Link Face), .glb, .gif or .mp4",
+        help="animation to write: weights (.json, or .csv for Live Link Face), .glb, .gif or .mp4",
     )
-    parser.add_argument("--camera", type=Path, metavar="JSON", help="camera of trajectories in a picture")
-    parser.add_argument("--markers", type=Path, metavar="JSON", help="marker map: where on the face each point is")
+    parser.add_argument("--camera", type=Path, metavar="JSON", help="camera of trajectories in pixels")
+    parser.add_argument("--markers", type=Path, metavar="JSON", help="marker map: the place on the face of each point")
     parser.add_argument("--points", type=_names, metavar="A,B", help="points to follow (default: all)")
-    parser.add_argument(
-        "--keep-jumps", action="store_true", help="also follow positions that jump away for a frame or two"
-    )
+    parser.add_argument("--keep-jumps", action="store_true", help="keep positions that jump away for a frame or two")
     add_contact_option(parser)
-    parser.add_argument("--rate", type=_rate, metavar="FPS", help="frames per second (default: as the file says)")
+    parser.add_argument("--rate", type=_rate, metavar="FPS", help="frames per second (default: that of the file)")
     parser.add_argument(
         "--smoothness", type=_weight, metavar="W", default=1.0, help="weight of changes of velocity (default: 1)"
     )
@@ -48,20 +46,20 @@ def add_parser(commands: Any) -> None:
         "--prior",
         choices=_PRIORS,
         default="regions",
-        help="judge region by region, the face as a whole, or by the mixture as it was learned (default: regions)",
+        help="how the prior is evaluated: per region, over the whole face, or as the plain mixture (default: regions)",
     )
-    add_spread(parser, "1, for what was recorded from a real face")
+    add_spread(parser, "1, suited to recordings of a real face")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make and write the animation that ``options`` ask for and return the exit status."""
+    """Solve and write the animation, and return the exit status."""
     from faceposer.interchange.formats import check_writable
 
     check_writable(options.output, lambda form: form.animated)
-    check_apart(options.output, options.character, options.trajectories, options.camera, options.markers)
+    check_not_input(options.output, options.character, options.trajectories, options.camera, options.markers)
     import numpy as np
 
-    from faceposer.animation.following import follow, residuals
+    from faceposer.animation.following import residuals, solve_trajectories
     from faceposer.animation.trajectory_io import read_camera, read_trajectories
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.interchange.formats import write
@@ -84,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     n_frames = len(trajectories)
     line = ProgressLine()
     try:
-        performance = follow(
+        performance = solve_trajectories(
             model,
             trajectories,
             smoothness=options.smoothness,
@@ -96,21 +94,21 @@ def run(options: argparse.Namespace) -> int:
         write(options.output, model, performance, OutputOptions(contact=options.contact), line.progress)
     finally:
         line.clear()
-    off, unit = np.nanmean(residuals(model, trajectories, performance)), "px"
+    error, unit = np.nanmean(residuals(model, trajectories, performance)), "px"
     if trajectories.camera is None:
-        off, unit = 10.0 * off, "mm"
-    blind = int((~trajectories.seen.any(axis=1)).sum())
-    remarks = f", {blind} of them without any point" if blind else ""
-    remarks += f"; jumps left out: {jumps}" if jumps else ""
-    counted = f"{n_frames} frames at {performance.rate:g} per second"
-    print(f"{options.output} written: {counted}, points {off:.1f} {unit} off on average{remarks}")
+        error, unit = 10.0 * error, "mm"
+    without_points = int((~trajectories.seen.any(axis=1)).sum())
+    remarks = f", {without_points} of them without points" if without_points else ""
+    remarks += f"; jumps removed: {jumps}" if jumps else ""
+    length = f"{n_frames} frames at {performance.rate:g} fps"
+    print(f"{options.output} written: {length}, mean error {error:.1f} {unit}{remarks}")
     return 0
 
 
 def _names(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     if not names:
-        raise argparse.ArgumentTypeError("no point is named")
+        raise argparse.ArgumentTypeError("give at least one point; separate several by commas")
     return names
 
 

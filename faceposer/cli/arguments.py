@@ -1,4 +1,4 @@
-"""Command-line options that several commands share."""
+"""Command-line options shared by several commands."""
 
 import argparse
 import math
@@ -6,10 +6,10 @@ import re
 
 
 def number_between(text: str, least: float, most: float) -> float:
-    """Return the number ``text``, from ``least`` to ``most``.
+    """Parse ``text`` as a number from ``least`` to ``most``.
 
     Raises:
-        ArgumentTypeError: If it is none.
+        ArgumentTypeError: If ``text`` is not such a number.
     """
     try:
         value = float(text)
@@ -21,12 +21,12 @@ def number_between(text: str, least: float, most: float) -> float:
 
 
 def add_spread(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add ``--spread`` to ``parser``; its value is None unless given, and ``default`` says what then holds."""
+    """Add ``--spread`` to ``parser``; its value is None unless given, and the help names ``default``."""
     parser.add_argument(
         "--spread",
         type=lambda text: number_between(text, 0.0, 1.0),
         metavar="S",
-        help=f"how much of the face follows, from 0 (only what was pulled) to 1 (the whole face) (default: {default})",
+        help=f"how much of the face follows, from 0 (only the pulled part) to 1 (the whole face) (default: {default})",
     )
 
 
@@ -36,8 +36,8 @@ def add_contact_option(parser: argparse.ArgumentParser) -> None:
         "--no-contact",
         dest="contact",
         action="store_false",
-        help="leave out the contact step of meshes and pictures: lids, lips and teeth may lie in each other, as they "
-        "may in .glb, .csv and .json in any case, since morph targets and weights cannot contain contact",
+        help="skip the contact step of meshes and images: lids, lips and teeth may then intersect. Morph targets "
+        "(.glb) and weights (.csv, .json) never contain contact",
     )
 
 
@@ -51,11 +51,11 @@ def add_materials_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def picture_size(text: str, least: int, most: int, example: str = "960x720") -> tuple[int, int]:
-    """Return the width and height of a picture written as ``WxH``.
+def image_size(text: str, least: int, most: int, example: str = "960x720") -> tuple[int, int]:
+    """Parse ``text``, written as ``WxH``, as the width and height of an image.
 
     Raises:
-        ArgumentTypeError: If it is none, or a side is not from ``least`` to ``most`` pixels.
+        ArgumentTypeError: If ``text`` is not a size, or a side is not from ``least`` to ``most`` pixels.
     """
     match = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text)
     sides = tuple(int(side) for side in match.groups()) if match else ()

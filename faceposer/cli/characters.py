@@ -12,7 +12,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(_options: argparse.Namespace) -> int:
-    """Print names and titles and return the exit status."""
+    """Print the name and the title of each character and return the exit status."""
     from faceposer.model.character_file import available_characters
 
     characters = available_characters()

@@ -1,4 +1,4 @@
-"""``faceposer demo``: plays a scripted pose through the real program, without a display."""
+"""``faceposer demo``: plays a scripted posing session in the program itself, without a display."""
 
 import argparse
 from pathlib import Path
@@ -11,14 +11,15 @@ def add_parser(commands: Any) -> None:
     """Add the parser of ``demo`` to ``commands``."""
     parser = commands.add_parser(
         NAME,
-        help="play a scripted pose",
-        description="Play a scripted pose through the real program, without a display, and write what it shows.",
+        help="play a scripted posing session",
+        description="Play a scripted posing session in the program itself, without a display, and write what the "
+        "window shows as images and an animation.",
     )
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder to write into")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the demo's pictures and animation and return the exit status."""
+    """Write the demo's images and animation and return the exit status."""
     from faceposer.gui.testing.demo import run as play
 
     play(options.output)

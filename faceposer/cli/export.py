@@ -1,4 +1,4 @@
-"""``faceposer export``: a face, posed or in motion, to files of other programs."""
+"""``faceposer export``: writes a posed or animated face for other programs."""
 
 import argparse
 import re
@@ -6,11 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option, add_materials_option, picture_size
+from faceposer.cli.arguments import add_contact_option, add_materials_option, image_size
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError, printable
+from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import check_apart
+from faceposer.files.atomic import check_not_input
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 NAME = "export"
 
 _VIEWS = ("front", "three-quarter", "left", "right", "back")
-_MAX_SIDE = 8192
-_MOST_SECONDS = 3600.0
-_FASTEST = 240.0
+_LARGEST_SIDE = 8192
+_LONGEST_TURN = 3600.0
+_HIGHEST_RATE = 240.0
 _GIF_SIZE = (480, 480)
 
 _DESCRIPTION = """\
-Write a face as other programs read it. The suffix of OUT says how:
+Write a face for other programs. The suffix of OUT selects the format:
 
 {formats}
 
-What is written is the session's: its animation, if its timeline has keys and the format holds one, otherwise its pose;
-the neutral face of a character; or what --pose or --animation says. docs/interchange.md says what each format holds."""
+A session is written with its animation, if its timeline has keys and the format holds one, otherwise with its pose; a
+character with its neutral face. --pose and --animation replace these. docs/interchange.md describes each format."""
 
 _EXAMPLES = """\
 examples:
@@ -41,82 +41,83 @@ examples:
   faceposer export woman --animation take.csv -o woman.glb         a performance of Live Link Face on the woman
   faceposer export woman --animation take.csv -o take --sequence obj    ... as a folder of meshes
   faceposer export woman --animation take.csv --fps 25 -o take.gif
-  faceposer export keys.json -o keys.glb                           what the timeline of a session plays
-  faceposer export keys.json -o keys --sequence png --transparent  ... as pictures without background
+  faceposer export keys.json -o keys.glb                           the animation of a session
+  faceposer export keys.json -o keys --sequence png --transparent  ... as images without background
   faceposer export smile.json --turntable 6 --size 800x800 -o smile.mp4
-  faceposer export man --pose sculpted.obj -o sculpted.csv         what weights make this mesh?
+  faceposer export man --pose sculpted.obj -o sculpted.csv         the weights that fit a sculpted mesh
   faceposer export man --pose take.csv --frame 120 -o frame.obj"""
 
 
 def add_parser(commands: Any) -> None:
-    """Add the parser of the command."""
+    """Add the parser of ``export`` to ``commands``."""
     parser = commands.add_parser(
         NAME,
-        help="write a face for other programs: meshes, weights, pictures and films",
+        help="write a face for other programs: meshes, weights, images and videos",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    # The table of formats is heavy to import; only the help of this command needs it here.
-    parser.format_help = lambda: _described(parser)
-    parser.add_argument("what", metavar="CHARACTER|SESSION", help="name or path of a character, or a session file")
+    # The table of formats is slow to import, and only the help of this command needs it here.
+    parser.format_help = lambda: _help_with_formats(parser)
+    parser.add_argument("what", metavar="CHARACTER|SESSION", help="name or file of a character, or a session file")
     parser.add_argument("-o", "--output", type=Path, metavar="OUT", required=True, help="file or folder to write")
     motion = parser.add_mutually_exclusive_group()
     motion.add_argument(
         "--pose",
         type=Path,
         metavar="FILE",
-        help="take the pose from a mesh of this face (.obj, .ply), or from weights as for --animation",
+        help="write the pose of a mesh of this face (.obj, .ply), or of weights as for --animation",
     )
     motion.add_argument(
         "--animation",
         type=Path,
         metavar="FILE",
-        help="take an animation from weights: a take of Live Link Face or Face Cap (.csv, .txt), .json, or the morph "
-        "targets of .glb",
+        help="write the animation of a file of weights: a take of Live Link Face or Face Cap (.csv, .txt), .json, or "
+        "the morph targets of .glb",
     )
-    parser.add_argument("--still", action="store_true", help="write the pose alone of a session with keys")
-    parser.add_argument("--frame", type=_frame, metavar="N", help="which frame of the weights in --pose (default: 1)")
+    parser.add_argument("--still", action="store_true", help="write the pose of a session, even if it has keys")
+    parser.add_argument("--frame", type=_frame, metavar="N", help="frame of the weights in --pose, from 1 (default: 1)")
     parser.add_argument(
         "--sequence",
         metavar="obj|ply|png",
-        help="write the animation into the new folder OUT, one file per frame",
+        help="write the animation to the new folder OUT, one file per frame",
     )
     parser.add_argument(
         "--fps",
         type=_rate,
         metavar="RATE",
-        help="frames per second of what moves (default: as the animation has, at most 25 for .gif)",
+        help="frames per second (default: those of the animation, at most 25 for .gif)",
     )
     parser.add_argument(
         "--turntable",
         type=_seconds,
         metavar="SECONDS",
-        help="let the camera go round the head in this time, for films (a pose alone: default 4)",
+        help="duration of one turn of the camera around the head, for videos (default: 4 for a pose, none for an "
+        "animation)",
     )
     parser.add_argument(
-        "--view", choices=_VIEWS, default="front", help="where pictures look from, or begin (default: front)"
+        "--view", choices=_VIEWS, default="front", help="view of images, or first view of a turn (default: front)"
     )
     parser.add_argument(
         "--size",
-        type=partial(picture_size, least=16, most=_MAX_SIDE),
+        type=partial(image_size, least=16, most=_LARGEST_SIDE),
         metavar="WxH",
-        help="pixels of pictures (default: 640x640; 480x480 for .gif)",
+        help="width and height of images in pixels (default: 640x640; 480x480 for .gif)",
     )
     add_contact_option(parser)
     add_materials_option(parser)
     parser.add_argument(
-        "--transparent", action="store_true", help="leave out the background of .png, also with --sequence png"
+        "--transparent", action="store_true", help="make the background of .png and --sequence png transparent"
     )
-    parser.add_argument("--clay", action="store_true", help="draw pictures without the texture of the skin")
+    parser.add_argument("--clay", action="store_true", help="render images without skin texture")
     parser.add_argument(
         "--no-expression-lines",
         action="store_true",
-        help="draw pictures without the lines that a pose makes in the skin",
+        help="render images without expression lines",
     )
 
 
-def _described(parser: argparse.ArgumentParser) -> str:
-    """Return the help of ``parser`` with the formats that there are."""
+def _help_with_formats(parser: argparse.ArgumentParser) -> str:
+    """Return the help of ``parser`` with the table of formats in its description."""
     from faceposer.interchange.formats import FORMATS
 
     lines = "\n".join(f"  {suffix:6} {form.purpose}" for suffix, form in FORMATS.items())
@@ -125,7 +126,7 @@ def _described(parser: argparse.ArgumentParser) -> str:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write what ``options`` ask for and return the exit status."""
+    """Write the file or the sequence and return the exit status."""
     _check_options(options)
     from faceposer.cli.opening import open_with_remark
     from faceposer.interchange.formats import Output, format_of, write, write_sequence_steps
@@ -138,14 +139,14 @@ def run(options: argparse.Namespace) -> int:
     motion = _motion(options, session)
     path: Path = options.output
     contact = session.document.contact and options.contact
-    film = options.sequence is None and format_of(path).holds == "film"
-    if isinstance(motion, Performance) and options.fps and not film:
+    is_video = options.sequence is None and format_of(path).holds == "film"
+    if isinstance(motion, Performance) and options.fps and not is_video:
         motion = resampled(motion, options.fps)
     output_options = OutputOptions(
         options.size or (_GIF_SIZE if path.suffix.lower() == ".gif" else OutputOptions.size),
         options.view,
         options.turntable or 0.0,
-        options.fps if film else None,
+        options.fps if is_video else None,
         "clay" if options.clay else "full",
         expression_lines=not options.no_expression_lines,
         contact=contact,
@@ -158,7 +159,7 @@ def run(options: argparse.Namespace) -> int:
             write(path, session.model, motion, output_options, line.progress)
         elif not isinstance(motion, Performance):
             raise FacePoserError(
-                f"--sequence writes an animation, and '{options.what}' has none; give one with --animation."
+                f"--sequence writes an animation, but '{options.what}' has none; give one with --animation."
             )
         else:
             output = Output(path, session.model, motion, output_options)
@@ -166,12 +167,12 @@ def run(options: argparse.Namespace) -> int:
                 line.share(share)
     finally:
         line.clear()
-    _say(f"{path} written" if options.sequence is None else f"{len(motion)} files written to {path}")
+    print(f"{path} written" if options.sequence is None else f"{len(motion)} files written to {path}")
     return 0
 
 
 def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.float64] | Performance":
-    """Return the pose, shape (r,), or the performance that is asked for."""
+    """Return the pose, shape (r,), or the performance to write."""
     from faceposer.interchange.formats import format_of
     from faceposer.interchange.reading import read_performance, read_pose
 
@@ -180,83 +181,79 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
     if options.animation is not None:
         animation = read_performance(options.animation, model)
         count, rate = len(animation.performance), animation.performance.rate
-        length = f"{count} frames at {rate:g} a second" if count > 1 else "a single frame"
-        _say(f"{options.animation}: {length}. {animation.note}")
+        length = f"{count} frames at {rate:g} fps" if count > 1 else "a single frame"
+        print(f"{options.animation}: {length}. {animation.note}".strip())
         return animation.performance
     if options.pose is not None:
         read = read_pose(options.pose, model, (options.frame or 1) - 1)
-        _say(f"{options.pose}: {read.note}" if read.note else "")
+        if read.note:
+            print(f"{options.pose}: {read.note}")
         return read.coefficients
-    moves = options.sequence is not None or format_of(options.output).animated
-    performance = session.animation.performance if moves and not options.still else None
+    holds_animation = options.sequence is not None or format_of(options.output).animated
+    performance = session.animation.performance if holds_animation and not options.still else None
     if performance is not None and len(performance) > 1:
-        _say(f"{options.what}: {len(performance)} frames at {performance.rate:g} a second")
+        print(f"{options.what}: {len(performance)} frames at {performance.rate:g} fps")
         return performance
     return session.coefficients
 
 
 def _check_options(options: argparse.Namespace) -> None:
-    """Refuse what does not go together before anything is read.
+    """Reject incompatible options before anything is read.
 
     Raises:
-        FacePoserError: Saying what, and what to do.
+        FacePoserError: If options exclude each other, or do not fit the format.
     """
     from faceposer.interchange.formats import FORMATS, check_writable, suffixes
 
     path: Path = options.output
     suffix = path.suffix.lower()
     if options.frame is not None and options.pose is None:
-        raise FacePoserError("--frame says which frame of the weights in --pose; give that, too.")
+        raise FacePoserError("--frame selects a frame of the weights in --pose; give --pose as well.")
     if options.sequence is not None:
         kinds = [kind[1:] for kind in suffixes(lambda form: form.sequence is not None)]
         if options.sequence not in kinds:
-            raise FacePoserError(f"--sequence takes {', '.join(kinds)}, and not '{options.sequence}'.")
+            raise FacePoserError(f"--sequence takes {', '.join(kinds)}, not '{options.sequence}'.")
         if options.pose is not None or options.still:
             raise FacePoserError("--sequence writes an animation; leave out --pose and --still.")
         if options.transparent and not FORMATS[f".{options.sequence}"].transparent:
-            raise FacePoserError("--transparent is for pictures; write --sequence png.")
+            raise FacePoserError("--transparent applies to images only; use --sequence png.")
         if not paths.is_dir(path.absolute().parent):
-            raise FacePoserError(f"The folder '{path.absolute().parent}' of the output does not exist; make it first.")
+            raise FacePoserError(f"The output folder '{path.absolute().parent}' does not exist; create it first.")
         return
     check_writable(path)
     form = FORMATS[suffix]
     if options.animation is not None and form.holds == "pose" and form.drawn:
-        raise FacePoserError(f"'{path}' shows one pose: write a .gif, or one frame with --pose and --frame.")
+        raise FacePoserError(f"'{path}' shows a single pose; write a .gif, or one frame with --pose and --frame.")
     if options.animation is not None and form.holds == "pose":
-        folder = f"write the animation into a folder with --sequence {suffix[1:]}, or " if form.sequence else "write "
-        raise FacePoserError(f"'{path}' holds one pose: {folder}one frame of it with --pose and --frame.")
+        folder = f"write the animation to a folder with --sequence {suffix[1:]}, or " if form.sequence else "write "
+        raise FacePoserError(f"'{path}' holds one pose; {folder}one of its frames with --pose and --frame.")
     if options.turntable is not None and form.holds != "film":
-        films = " or ".join(suffixes(lambda form: form.holds == "film"))
-        raise FacePoserError(f"--turntable is for films; let the output end in {films}.")
+        videos = " or ".join(suffixes(lambda form: form.holds == "film"))
+        raise FacePoserError(f"--turntable applies to videos only; use an output that ends in {videos}.")
     if options.transparent and not form.transparent:
-        raise FacePoserError("--transparent is for pictures; let the output end in .png.")
-    check_apart(path, options.what, options.pose, options.animation)
+        raise FacePoserError("--transparent applies to images only; use an output that ends in .png.")
+    check_not_input(path, options.what, options.pose, options.animation)
 
 
-def _say(text: str) -> None:
-    if text.strip():
-        print(printable(text.strip()))
-
-
-def _number(text: str, most: float, what: str) -> float:
+def _positive_number(text: str, most: float, unit: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = 0.0
     if not 0.0 < value <= most:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number of {what}, up to {most:g}")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of {unit} above 0 and up to {most:g}")
     return value
 
 
 def _seconds(text: str) -> float:
-    return _number(text, _MOST_SECONDS, "seconds")
+    return _positive_number(text, _LONGEST_TURN, "seconds")
 
 
 def _rate(text: str) -> float:
-    return _number(text, _FASTEST, "frames per second")
+    return _positive_number(text, _HIGHEST_RATE, "frames per second")
 
 
 def _frame(text: str) -> int:
     if not re.fullmatch(r"[1-9]\d{0,8}", text):
-        raise argparse.ArgumentTypeError(f"'{text}' is not the number of a frame, from 1")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a frame number; frames are numbered from 1")
     return int(text)

@@ -1,4 +1,4 @@
-"""Opening of sessions by commands, with what there is to say about it."""
+"""Opening of sessions by commands, with remarks on standard error."""
 
 import sys
 
@@ -10,10 +10,10 @@ _LONGEST = 4000
 
 
 def open_with_remark(what: str) -> Session:
-    """Return ``open_session(what)``; what opening changed is printed to the standard error stream.
+    """Return ``open_session(what)``, printing the remark about changes made on opening to standard error.
 
     Raises:
-        FacePoserError: If it cannot be found or read.
+        FacePoserError: If ``what`` cannot be found or read.
     """
     session = open_session(what)
     print_remark(session)
@@ -21,6 +21,6 @@ def open_with_remark(what: str) -> Session:
 
 
 def print_remark(session: Session) -> None:
-    """Print what opening changed in ``session`` to the standard error stream, if anything."""
+    """Print the remark about changes made on opening ``session`` to standard error, if there is one."""
     if session.remark:
         print(printable(session.remark, _LONGEST), file=sys.stderr)

@@ -1,4 +1,4 @@
-"""``faceposer photo``: aligns the camera of a photo by pins and poses the face after it."""
+"""``faceposer photo``: aligns the camera with a photo by pins and poses the face to match."""
 
 import argparse
 import math
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_spread
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_not_input, check_output
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,40 +18,46 @@ if TYPE_CHECKING:
     from faceposer.session.session import Session
 
 NAME = "photo"
-# Of each panel of the picture.
+# Size of each panel of the rendered image, in pixels.
 _PANEL = (480, 600)
 _CHECKED_SIDE = 1024
-# Share of the pins' spread beyond which they tell no view of the face.
-_HOPELESS = 0.15
+# Mean error, as a share of the pins' extent, above which no camera explains the pins.
+_LARGEST_ERROR = 0.15
 
 
 def add_parser(commands: Any) -> None:
-    """Add the parser."""
+    """Add the parser of ``photo`` to ``commands``."""
     parser = commands.add_parser(
         NAME,
-        help="pose a face after a photo",
-        description="Find the camera of a photo by pins, pose the face after it and write the session.",
+        help="pose a face from a photo",
+        description="Estimate the camera of a photo from pins, pose the face to match and write the session.",
     )
-    parser.add_argument("what", metavar="CHARACTER|SESSION", help="the face; a session keeps what it has")
-    parser.add_argument("photo", type=Path, metavar="PHOTO", help="JPEG, PNG or another common picture")
-    parser.add_argument("--pins", type=Path, metavar="PINS.json", required=True, help="pins (docs/photo.md)")
+    parser.add_argument("what", metavar="CHARACTER|SESSION", help="character, or session to add the photo to")
+    parser.add_argument("photo", type=Path, metavar="PHOTO", help="photo: JPEG, PNG or another common format")
+    parser.add_argument(
+        "--pins", type=Path, metavar="PINS.json", required=True, help="pins on the photo (docs/photo.md)"
+    )
     parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
-    parser.add_argument("--focal", type=float, metavar="PX", help="focal length in pixels; else by EXIF, or found")
-    add_spread(parser, "as the session has it, else 0.5")
-    parser.add_argument("--no-pose", action="store_true", help="only align the camera")
-    parser.add_argument("--render", type=Path, metavar="OUT.png", help="also draw photo, face over photo, and face")
+    parser.add_argument(
+        "--focal", type=float, metavar="PX", help="focal length in pixels (default: from EXIF, else estimated)"
+    )
+    add_spread(parser, "that of the session, else 0.5")
+    parser.add_argument("--no-pose", action="store_true", help="align the camera only, without posing the face")
+    parser.add_argument(
+        "--render", type=Path, metavar="OUT.png", help="also render the photo, the face over it and the face alone"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do it and return the exit status."""
+    """Align the photo, pose the face, write the session and return the exit status."""
     check_output(options.output, ".json")
     if options.render is not None:
         check_output(options.render, ".png")
-    # The session may be the one that gets the photo.
-    check_apart(options.output, options.photo, options.pins)
-    check_apart(options.render, options.photo)
+    # The output may be the input session, which then gains the photo.
+    check_not_input(options.output, options.photo, options.pins)
+    check_not_input(options.render, options.photo)
     if options.focal is not None and not 1.0 <= options.focal <= 1e6:
-        raise FacePoserError("The focal length must be from 1 to 1,000,000 pixels.")
+        raise FacePoserError("The focal length must be between 1 and 1,000,000 pixels.")
     from dataclasses import replace
 
     from faceposer.cli.opening import open_with_remark
@@ -59,11 +65,11 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.photo.photo import Photo
     from faceposer.photo.pins_file import read_pins
     from faceposer.photo.reading import focal_in_mm, inspect_photo, read_photo
-    from faceposer.session.photos import with_expression
+    from faceposer.session.photos import pose_from_photo
     from faceposer.solve.camera_fit import LEAST_POINTS
 
     file = inspect_photo(options.photo)
-    # Decoded once, so that a damaged file is told before anything is written.
+    # Decoded early, so that a damaged file is reported before anything is written.
     read_photo(options.photo, _CHECKED_SIDE)
     pins = read_pins(options.pins)
     _check_pins(options.pins, pins, file.size)
@@ -71,34 +77,36 @@ def run(options: argparse.Namespace) -> int:
     model = session.model
     path = str(options.photo.absolute())
     photo = aligned(Photo(path, file.size, pins, focal=options.focal or file.focal), model, session.coefficients)
-    off = residuals_px(photo, model, session.coefficients)
-    for pin in (pin for i, pin in enumerate(pins) if i not in off):
-        print(printable(f"pin {pin.place}: the face has no such place"))
-    if len(off) < LEAST_POINTS:
+    aligned_errors = residuals_px(photo, model, session.coefficients)
+    for pin in (pin for i, pin in enumerate(pins) if i not in aligned_errors):
+        print(printable(f"pin {pin.place}: '{model.character.title}' has no such feature point"))
+    if len(aligned_errors) < LEAST_POINTS:
         raise FacePoserError(
-            f"'{options.pins}' pins {len(off)} places that the face has; its camera takes {LEAST_POINTS}, better 8."
+            f"'{options.pins}' has {len(aligned_errors)} usable pins; aligning the camera needs at least "
+            f"{LEAST_POINTS}, preferably 8."
         )
     assert photo.camera is not None
     camera = photo.camera
     document = replace(session.document, photos=(*session.document.photos, photo))
     with session.edit("Open a photo"):
-        session.replace(document if options.no_pose else with_expression(document, model, photo))
+        session.replace(document if options.no_pose else pose_from_photo(document, model, photo))
     session.wait()
-    after = residuals_px(photo, model, session.coefficients)
-    _tell(pins, off, after, model.character.feature_titles)
-    how = "given" if options.focal else "by EXIF" if file.focal else "found, or likely"
-    print(f"focal length {camera.focal:.0f} px, {focal_in_mm(camera.focal, file.size):.0f} mm on 35 mm film ({how})")
+    posed_errors = residuals_px(photo, model, session.coefficients)
+    _print_errors(pins, aligned_errors, posed_errors, model.character.feature_titles)
+    origin = "given" if options.focal else "from EXIF" if file.focal else "estimated"
+    equivalent = focal_in_mm(camera.focal, file.size)
+    print(f"focal length {camera.focal:.0f} px, {equivalent:.0f} mm in 35 mm equivalent ({origin})")
     if options.render is not None:
         from faceposer.render.images import write_png
 
-        write_png(options.render, _picture(session, photo))
+        write_png(options.render, _comparison(session, photo))
         print(f"{options.render} written")
     session.save(options.output, camera)
-    mean = sum(off.values()) / len(off)
-    told = len(session.document.constraints)
-    print(f"{options.output} written: {len(off)} pins, {mean:.1f} px off on average, {told} constraints")
-    if mean > _HOPELESS * _spread([pin for i, pin in enumerate(pins) if i in off]):
-        print("No view of the face shows these pins: check that each names what it lies on, and the focal length.")
+    mean = sum(aligned_errors.values()) / len(aligned_errors)
+    count = len(session.document.constraints)
+    print(f"{options.output} written: {len(aligned_errors)} pins, mean error {mean:.1f} px, {count} constraints")
+    if mean > _LARGEST_ERROR * _extent([pin for i, pin in enumerate(pins) if i in aligned_errors]):
+        print("No camera explains these pins: check the feature point of each pin, and the focal length.")
     return 0
 
 
@@ -113,28 +121,29 @@ def _check_pins(path: Path, pins: Sequence["Pin"], size: tuple[int, int]) -> Non
     for i, (u, v) in enumerate(pin.pixel for pin in pins):
         if not (0.0 <= u <= size[0] and 0.0 <= v <= size[1]):
             raise FacePoserError(
-                f"The pins '{path}' have pins[{i}] at ({u:g}, {v:g}), outside of the photo of {size[0]} x {size[1]} "
-                "pixels; give its place in pixels from the top left."
+                f"In '{path}', pins[{i}] is at ({u:g}, {v:g}), outside the photo of {size[0]} x {size[1]} pixels; "
+                "give its position in pixels from the top left."
             )
 
 
-def _tell(
-    pins: Sequence["Pin"], off: Mapping[int, float], after: Mapping[int, float], titles: Mapping[str, str]
+def _print_errors(
+    pins: Sequence["Pin"], aligned: Mapping[int, float], posed: Mapping[int, float], titles: Mapping[str, str]
 ) -> None:
+    """Print the error of each pin before and after posing, in pixels; ``aligned`` and ``posed`` are keyed by index."""
     for i, pin in enumerate(pins):
-        if i in off:
-            place = pin.place if isinstance(pin.place, str) else "of the surface"
-            print(f"pin {place:6} {titles.get(place, place):34} {off[i]:6.1f} px off, posed {after[i]:6.1f} px")
+        if i in aligned:
+            place = pin.place if isinstance(pin.place, str) else "surface point"
+            print(f"pin {place:6} {titles.get(place, place):34} {aligned[i]:6.1f} px off, posed {posed[i]:6.1f} px")
 
 
-def _spread(pins: Sequence["Pin"]) -> float:
-    """Return the diagonal of the box around ``pins``, in pixels."""
+def _extent(pins: Sequence["Pin"]) -> float:
+    """Return the diagonal of the bounding box of ``pins``, in pixels."""
     us, vs = zip(*(pin.pixel for pin in pins), strict=True)
     return math.hypot(max(us) - min(us), max(vs) - min(vs))
 
 
-def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":
-    """Return the photo, the face over it and the face, each cut to the head, side by side."""
+def _comparison(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":
+    """Return the photo, the face over it and the face alone side by side, each cropped to the head."""
     import numpy as np
 
     from faceposer.geometry.picture_view import PictureView
@@ -149,6 +158,6 @@ def _picture(session: "Session", photo: "Photo") -> "NDArray[np.uint8]":
     margin = 0.08 * (upper - lower)
     view = PictureView.whole(photo.camera, (0.0, 0.0, 0.0)).showing(lower - margin, upper + margin, _PANEL)
     camera, layer = view.camera(_PANEL), read_photo(Path(photo.path), 4096)
-    layers = ((1.0, 1.0), (1.0, 1.0 - photo.opacity))
-    shown = [render_character(character, vertices, camera, photo=(layer, photo.camera, *both)) for both in layers]
-    return np.hstack([*shown, render_character(character, vertices, camera)])
+    opacities = ((1.0, 1.0), (1.0, 1.0 - photo.opacity))
+    panels = [render_character(character, vertices, camera, photo=(layer, photo.camera, *pair)) for pair in opacities]
+    return np.hstack([*panels, render_character(character, vertices, camera)])

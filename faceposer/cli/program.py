@@ -1,6 +1,6 @@
-"""The program's entry point and its table of commands.
+"""Entry point of the program and table of its commands.
 
-Heavy modules are imported by the command that needs them, so that help and errors appear at once.
+Each command imports heavy modules only when it runs, so that help and errors appear at once.
 """
 
 import argparse
@@ -28,24 +28,24 @@ from faceposer.errors import FacePoserError, NoWindowError
 
 
 class Command(Protocol):
-    """The module of a command.
+    """Interface of a command's module.
 
     Attributes:
-        NAME: What is typed.
+        NAME: Name of the command.
     """
 
     NAME: str
 
     def add_parser(self, commands: Any, /) -> None:
-        """Add the command's parser to the subparsers ``commands``."""
+        """Add the parser of the command to the subparsers ``commands``."""
 
     def run(self, options: argparse.Namespace, /) -> int:
-        """Do what the options ask for and return the exit status."""
+        """Run the command with the parsed ``options`` and return the exit status."""
         ...
 
 
-# Poses, meshes and weights do without these.
-_DRAWING = ("moderngl", "glfw", "imgui_bundle")
+# Packages that only drawing needs; poses, meshes and weights work without them.
+_DRAWING_PACKAGES = ("moderngl", "glfw", "imgui_bundle")
 
 COMMANDS: tuple[Command, ...] = (
     solve,
@@ -61,7 +61,7 @@ COMMANDS: tuple[Command, ...] = (
     evaluate,
 )
 
-#: Earlier names of commands, which scripts may still use.
+#: Earlier names of commands, kept for existing scripts.
 _RENAMED = {"subject": character.NAME, "subjects": characters.NAME}
 
 _USAGE = """\
@@ -69,45 +69,45 @@ examples:
   faceposer                                  open the window with the man
   faceposer woman                            ... with the woman
   faceposer smile.json                       ... with a saved session
-  faceposer solve smile.json -o smile.obj    pose without a window
-  faceposer render woman -o woman.png        draw without a window
+  faceposer solve smile.json -o smile.obj    solve a pose without a window
+  faceposer render woman -o woman.png        render without a window
   faceposer characters                       list the characters that come with the program
-  faceposer demo -o DIR                      watch the program being used, as files
-  faceposer train --rig me.glb -o me.npz     make a character of your own; also --examples, --markers
-  faceposer character info me.npz            say what is in a character file; also check, rename
-  faceposer export smile.json -o smile.glb   to other programs and back: meshes, weights, pictures, films
+  faceposer demo -o DIR                      record a scripted posing session
+  faceposer train --rig me.glb -o me.npz     create a custom character; also --examples, --markers
+  faceposer character info me.npz            describe a character file; also check, rename
+  faceposer export smile.json -o smile.glb   write meshes, weights, images and videos for other programs
   faceposer animate man lips.csv --camera camera.json -o lips.json
-                                             let the face follow trajectories of a few points
+                                             animate a face by the trajectories of a few points
   faceposer transfer smile.json woman -o her-smile.json
-                                             carry an expression or an animation to another face
+                                             transfer an expression or an animation to another character
   faceposer photo woman face.jpg --pins pins.json -o face.json
-                                             pose after a photo
-  faceposer evaluate -o DIR                  how near the prior and its rivals come to unseen expressions
+                                             pose a face from a photo
+  faceposer evaluate -o DIR                  compare the prior with other techniques on unseen expressions
 
-'faceposer COMMAND --help' tells more of a command."""
+See 'faceposer COMMAND --help' for the options of a command."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence, without the usage before it."""
+    """Parser that reports errors in one sentence, without the usage."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{message[:1].upper()}{message[1:]}; see '{self.prog} --help'.\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line ``arguments``, those of the process if None, and exit with its status."""
+    """Run the command line ``arguments`` (those of the process if None) and exit with its status."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    # The matrices are small: threads of NumPy's own would only take time from the frames and the solver.
+    # The matrices are small: threads inside NumPy would only take time from drawing and the solver.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     try:
         status = _run(words)
     except FacePoserError as error:
         print(error, file=sys.stderr)
-        # A status of its own, by which scripts/run knows to play the demo instead.
+        # scripts/run plays the demo instead when it gets status 3.
         status = 3 if isinstance(error, NoWindowError) else 2
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.split(".")[0] not in _DRAWING:
+        if error.name is None or error.name.split(".")[0] not in _DRAWING_PACKAGES:
             raise
         print(
             f"Drawing needs the package '{error.name}', which is not installed: pip install faceposer.", file=sys.stderr
@@ -141,7 +141,7 @@ def _version() -> str:
 def _window_parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="faceposer",
-        description="Pose a 3D face by dragging it: the whole face follows as a real face would.",
+        description="Pose a 3D face by dragging it; the rest of the face follows naturally.",
         epilog=_USAGE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -1,42 +1,40 @@
-"""``faceposer render``: draws a character, a session or a mesh as a PNG image."""
+"""``faceposer render``: renders a character, a session or a mesh as a PNG image."""
 
 import argparse
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, picture_size
+from faceposer.cli.arguments import add_contact_option, image_size
 from faceposer.files.atomic import check_output
 
 NAME = "render"
 _VIEWS = ("front", "three-quarter", "left", "right")
-_MOST_PIXELS = 8192
+_LARGEST_SIDE = 8192
 
 
 def add_parser(commands: Any) -> None:
     """Add the parser of ``render`` to ``commands``."""
     parser = commands.add_parser(
-        "render", help="draw a face", description="Draw a character, a session or a mesh as PNG."
+        NAME, help="render a face", description="Render a character, a session or a mesh as a PNG image."
     )
     parser.add_argument("what", metavar="CHARACTER|SESSION|MESH", help="name of a character, session file or mesh file")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="picture to write")
-    parser.add_argument("--view", choices=_VIEWS, default="front", help="where to look from (default: front)")
+    parser.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="image to write")
+    parser.add_argument("--view", choices=_VIEWS, default="front", help="view to render (default: front)")
     parser.add_argument(
         "--size",
-        type=partial(picture_size, least=1, most=_MOST_PIXELS),
+        type=partial(image_size, least=1, most=_LARGEST_SIDE),
         metavar="WxH",
         default=(960, 960),
-        help="pixels (default: 960x960)",
+        help="width and height in pixels (default: 960x960)",
     )
     add_contact_option(parser)
-    parser.add_argument(
-        "--no-expression-lines", action="store_true", help="leave out the lines that a pose makes in the skin"
-    )
-    parser.add_argument("--transparent", action="store_true", help="leave out the background")
+    parser.add_argument("--no-expression-lines", action="store_true", help="render the skin without expression lines")
+    parser.add_argument("--transparent", action="store_true", help="make the background transparent")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the picture and return the exit status."""
+    """Write the image and return the exit status."""
     check_output(options.output, ".png")
     from faceposer.geometry.mesh_io import MESH_SUFFIXES
 
@@ -49,8 +47,8 @@ def run(options: argparse.Namespace) -> int:
         mesh = read_mesh(Path(options.what))
         view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
         camera = view.camera(options.size)
-        picture = render_mesh(mesh.vertices, mesh.triangles(), camera, transparent=options.transparent)
-        write_png(options.output, picture)
+        image = render_mesh(mesh.vertices, mesh.triangles(), camera, transparent=options.transparent)
+        write_png(options.output, image)
     else:
         from faceposer.api import Face
         from faceposer.cli.opening import open_with_remark

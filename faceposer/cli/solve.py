@@ -1,4 +1,4 @@
-"""``faceposer solve``: poses the face of a session file without a window."""
+"""``faceposer solve``: solves the pose of a session file without a window."""
 
 import argparse
 import json
@@ -7,22 +7,21 @@ from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_apart, check_output, write_text
+from faceposer.files.atomic import check_not_input, check_output, write_text
 
 NAME = "solve"
-# Seconds for the solve, whatever is asked of it.
-_PATIENCE = 600.0
+# Longest time for a solve, in seconds.
 
 
 def add_parser(commands: Any) -> None:
     """Add the parser of ``solve`` to ``commands``."""
     parser = commands.add_parser(
-        "solve", help="pose a session's face", description="Solve a session and write the face."
+        NAME, help="solve the pose of a session", description="Solve a session and write the posed face."
     )
     parser.add_argument("session", type=Path, metavar="SESSION", help="session file (docs/session-format.md)")
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.obj", required=True, help="posed mesh to write")
     parser.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
-    add_spread(parser, "as the session has it")
+    add_spread(parser, "that of the session")
     add_contact_option(parser)
     add_materials_option(parser)
 
@@ -32,27 +31,27 @@ def run(options: argparse.Namespace) -> int:
     check_output(options.output, ".obj")
     if options.report is not None:
         check_output(options.report, ".json")
-        check_apart(options.report, options.session)
+        check_not_input(options.report, options.session)
     from dataclasses import replace
 
     from faceposer.cli.opening import print_remark
     from faceposer.interchange.meshes import write_posed_obj
     from faceposer.session.document import read_document
-    from faceposer.session.opening import session_of
+    from faceposer.session.opening import session_for
     from faceposer.session.report import solve_report
 
     if options.session.suffix.lower() != ".json":
-        raise FacePoserError(f"'{options.session}' is no session file; give one that ends in '.json'.")
-    # Without coefficients, a session is solved as it is opened.
+        raise FacePoserError(f"'{options.session}' is not a session file; give one that ends in '.json'.")
+    # A session without coefficients is solved on opening.
     document = replace(read_document(options.session), coefficients=None)
     if options.spread is not None:
         document = replace(document, spread=options.spread)
-    session = session_of(document, options.session)
+    session = session_for(document, options.session)
     print_remark(session)
-    session.wait(timeout=_PATIENCE)
-    if session.solution is None:
+    session.wait()
+    if session.solution is None:  # without constraints, opening solves nothing
         session.apply()
-        session.wait(timeout=_PATIENCE)
+        session.wait()
     solution = session.solution
     assert solution is not None
     contact = document.contact and options.contact

@@ -1,4 +1,4 @@
-"""``faceposer train``: makes a character from a rig, example meshes or the motion of markers."""
+"""``faceposer train``: creates a character from a rig, example meshes or the motion of markers."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import check_apart, check_output
+from faceposer.files.atomic import check_not_input, check_output
 
 NAME = "train"
 
@@ -16,15 +16,15 @@ def add_parser(commands: Any) -> None:
     """Add the parser of ``train`` to ``commands``."""
     parser = commands.add_parser(
         NAME,
-        help="make a character of your own from a rig, example meshes or markers",
-        description="Learn a character from a rig, from example meshes or from the motion of markers "
-        "(docs/training.md), and write it as one character file.",
+        help="create a custom character from a rig, example meshes or markers",
+        description="Learn a character from a rig, from example meshes or from the motion of markers, and write it as "
+        "one character file (docs/training.md).",
     )
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
-        "--rig", type=Path, metavar="FILE|DIR", help="glTF (.glb, .gltf, .vrm) or folder with ARKit's shapes"
+        "--rig", type=Path, metavar="FILE|DIR", help="glTF file (.glb, .gltf, .vrm) or folder with ARKit shapes"
     )
-    source.add_argument("--examples", type=Path, metavar="DIR|NPZ", help="meshes of one topology")
+    source.add_argument("--examples", type=Path, metavar="DIR|NPZ", help="example meshes of the same topology")
     source.add_argument("--markers", type=Path, metavar="C3D|CSV", help="motion of markers on a performer's face")
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.npz", required=True, help="character to write")
     parser.add_argument(
@@ -33,26 +33,37 @@ def add_parser(commands: Any) -> None:
         metavar="CSV",
         nargs="+",
         default=[],
-        help="performances to learn the prior of a rig from",
+        help="performances from which the prior of a rig is learned",
     )
-    parser.add_argument("--neutral", type=Path, metavar="MESH", help="neutral mesh, if its name does not say so")
-    parser.add_argument("--marker-map", type=Path, metavar="JSON", help="where on the scan each marker is")
-    parser.add_argument("--scan", metavar="MESH|CHARACTER", default="man", help="what markers move (default: man)")
+    parser.add_argument("--neutral", type=Path, metavar="MESH", help="neutral mesh (default: found by its name)")
+    parser.add_argument("--marker-map", type=Path, metavar="JSON", help="place of each marker on the scan")
+    parser.add_argument(
+        "--scan", metavar="MESH|CHARACTER", default="man", help="face that the markers move (default: man)"
+    )
     parser.add_argument(
         "--regions",
         type=_regions,
         metavar="face|whole|N",
         default="face",
-        help="regions of examples with modes of their own: of a face, one, or N found by what moves together",
+        help="regions of examples with separate modes: those of a face, the whole mesh as one, or N clusters of "
+        "vertices that move together (default: face)",
     )
-    parser.add_argument("--dimensions", type=_count, metavar="N", help="modes of examples in all (default: by energy)")
-    parser.add_argument("--components", type=_count, metavar="K", help="factor analyzers (default: by data left out)")
-    parser.add_argument("--factors", type=_count, metavar="Q", help="factors of each (default: by data left out)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler to learn from many examples with")
-    parser.add_argument("--name", help="short name (default: that of the output)")
-    parser.add_argument("--title", help="name to show (default: from the name)")
-    parser.add_argument("--credits", default="", help="where the character comes from, and its licence")
-    parser.add_argument("--summary", type=Path, metavar="DIR", help="write what was learned as summary.json and .png")
+    parser.add_argument(
+        "--dimensions", type=_count, metavar="N", help="total number of modes of examples (default: by energy)"
+    )
+    parser.add_argument(
+        "--components", type=_count, metavar="K", help="number of factor analyzers (default: by cross-validation)"
+    )
+    parser.add_argument(
+        "--factors", type=_count, metavar="Q", help="factors of each analyzer (default: by cross-validation)"
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler for learning from many examples")
+    parser.add_argument("--name", help="short name (default: from the output file)")
+    parser.add_argument("--title", help="display name (default: from the name)")
+    parser.add_argument("--credits", default="", help="origin and licence of the character")
+    parser.add_argument(
+        "--summary", type=Path, metavar="DIR", help="also write a summary of the training as summary.json and .png"
+    )
 
 
 def _count(text: str) -> int:
@@ -65,14 +76,14 @@ def _regions(text: str) -> str | int:
     if text in ("face", "whole"):
         return text
     if not text.isdigit() or not 2 <= int(text) <= 12:
-        raise argparse.ArgumentTypeError(f"'{text}' is neither 'face' nor 'whole' nor a number from 2 to 12")
+        raise argparse.ArgumentTypeError(f"'{text}' is not 'face', 'whole' or a number from 2 to 12")
     return int(text)
 
 
 def run(options: argparse.Namespace) -> int:
     """Learn the character, write it and return the exit status."""
     check_output(options.output, ".npz")
-    check_apart(options.output, options.examples, options.scan)
+    check_not_input(options.output, options.examples, options.scan)
     if options.summary is not None and paths.exists(options.summary) and not paths.is_dir(options.summary):
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
     from faceposer.model.character_file import save_character

@@ -1,4 +1,4 @@
-"""``transfer``: carry a pose or an animation from one face to another (docs/transfer.md)."""
+"""``faceposer transfer``: transfers a pose or an animation to another character (docs/transfer.md)."""
 
 import argparse
 import re
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from faceposer.cli.arguments import add_contact_option, add_materials_option
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_apart
+from faceposer.files.atomic import check_not_input
 
 if TYPE_CHECKING:
     from faceposer.model.face_model import FaceModel
@@ -20,17 +20,18 @@ if TYPE_CHECKING:
 
 NAME = "transfer"
 
-# Characters of a file within which it says what it is.
+# Number of characters at the start of a file that contain its format name.
 _HEAD = 4096
-_USUAL_RATE = 60.0
+# Frame rate of a single pose, which has none of its own.
+_DEFAULT_RATE = 60.0
 
 
 def add_parser(commands: Any) -> None:
     """Add the parser of ``transfer`` to ``commands``."""
     parser = commands.add_parser(
         NAME,
-        help="carry an expression or an animation to another face",
-        description="Carry a pose or an animation from one face to another, whatever their meshes look like "
+        help="transfer an expression or an animation to another character",
+        description="Transfer a pose or an animation from one character to another; their meshes may differ "
         "(docs/transfer.md).",
     )
     parser.add_argument(
@@ -39,14 +40,14 @@ def add_parser(commands: Any) -> None:
         metavar="SOURCE",
         help="session, capture (.csv, .txt), weights (.json, .glb) or posed mesh (.obj, .ply)",
     )
-    parser.add_argument("target", metavar="CHARACTER", help="the face that gets the expression: a name or an .npz file")
+    parser.add_argument("target", metavar="CHARACTER", help="target character: a name or a character file (.npz)")
     parser.add_argument(
         "-o",
         "--output",
         type=Path,
         metavar="OUT",
         required=True,
-        help="session or, of a capture, weights (.json); or .csv, .glb, .gif, .mp4, .obj, .ply, .png",
+        help="session, or weights for the animation of a capture (.json); or .csv, .glb, .gif, .mp4, .obj, .ply, .png",
     )
     add_contact_option(parser)
     add_materials_option(parser)
@@ -54,40 +55,41 @@ def add_parser(commands: Any) -> None:
         "--from",
         dest="character",
         metavar="CHARACTER",
-        help="whose weights or mesh a source is that is no session (default: man)",
+        help="character of a source that is not a session (default: man)",
     )
     parser.add_argument(
         "--method",
         choices=("distances", "weights"),
         default="distances",
-        help="by distances between points of the faces, or by the weights of ARKit's shapes that both have (default: "
-        "distances)",
+        help="match distances between feature points, or copy the weights of ARKit shapes that both characters have "
+        "(default: distances)",
     )
     parser.add_argument(
-        "--pairs", metavar="full|paper|FILE", help="distances to keep: a list of the program, or a JSON file"
+        "--pairs", metavar="full|paper|FILE", help="distances to match: a built-in list, or a JSON file"
     )
     parser.add_argument(
         "--scaling",
         choices=("neutral", "paper"),
         default="neutral",
-        help="take neutral to neutral, or only minimum and maximum to each other, as the paper does (default: neutral)",
+        help="map the neutral face to the neutral face, or only minimum and maximum to each other as in the paper "
+        "(default: neutral)",
     )
     parser.add_argument(
-        "--frames", type=_frames, metavar="I|I:J", help="one frame, or those from I to before J, counted from 0"
+        "--frames", type=_frames, metavar="I|I:J", help="one frame, or frames I to J - 1, counted from 0"
     )
     parser.add_argument(
-        "--rate", type=_rate, metavar="HZ", help="frames per second of a capture (default: by its times)"
+        "--rate", type=_rate, metavar="HZ", help="frames per second of a capture (default: from its timestamps)"
     )
 
 
 def _frames(text: str) -> slice:
     match = re.fullmatch(r"(\d{1,9})(?:(:)(\d{0,9}))?", text)
     if match is None:
-        raise argparse.ArgumentTypeError(f"'{text}' is neither a frame such as 120 nor a range such as 100:200")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a frame such as 120 or a range such as 100:200")
     first = int(match[1])
     last = first + 1 if match[2] is None else int(match[3]) if match[3] else None
     if last is not None and last <= first:
-        raise argparse.ArgumentTypeError(f"'{text}' holds no frame")
+        raise argparse.ArgumentTypeError(f"the range '{text}' is empty")
     return slice(first, last)
 
 
@@ -97,20 +99,20 @@ def _rate(text: str) -> float:
     except ValueError:
         rate = 0.0
     if not 0.0 < rate <= 1000.0:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number of frames per second up to 1000")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of frames per second above 0 and up to 1000")
     return rate
 
 
 def run(options: argparse.Namespace) -> int:
-    """Carry over what ``options`` ask for and return the exit status."""
+    """Transfer the source, write the output and return the exit status."""
     from faceposer.interchange.formats import check_writable, offered
 
     form = check_writable(options.output)
-    check_apart(options.output, options.source, options.target, options.pairs)
+    check_not_input(options.output, options.source, options.target, options.pairs)
     suffix = options.output.suffix.lower()
     holds_animation = form.animated
     if options.pairs is not None and options.method == "weights":
-        raise FacePoserError("Pairs are for the method 'distances'; leave out --pairs or --method weights.")
+        raise FacePoserError("--pairs applies to the method 'distances' only; leave out --pairs or --method weights.")
     from faceposer.session.opening import load_model
     from faceposer.transfer.pairs import DEFAULT_PAIRS, PRESETS, read_pairs
     from faceposer.transfer.transfer import make_transfer, transfer_performance
@@ -124,13 +126,13 @@ def run(options: argparse.Namespace) -> int:
     if suffix == ".json" and source.document is not None:
         _write_session(options, source, transfer, target)
         return 0
-    # A session's pose is the one that it shows.
+    # For a session, a single pose is the one that it shows, not the first of its animation.
     performance = source.still if not holds_animation and source.document is not None else source.performance
     moving = len(performance) > 1
     if moving and not holds_animation:
         raise FacePoserError(
-            f"The source has {len(performance)} frames, and '{suffix}' holds one; choose one by --frames, or an output "
-            f"that ends in one of {', '.join(offered(lambda form: form.animated))}."
+            f"The source has {len(performance)} frames, but a '{suffix}' file holds one; choose a frame with --frames, "
+            f"or an output that ends in one of {', '.join(offered(lambda form: form.animated))}."
         )
     began = time.perf_counter()
     line = ProgressLine()
@@ -140,14 +142,21 @@ def run(options: argparse.Namespace) -> int:
         _write(options.output, options.target, target, result, line, options)
     finally:
         line.clear()
-    what = f"{len(result)} frames" if len(result) > 1 else "pose"
-    print(f"{options.output} written: {what} by {options.method}, {spent:.1f} ms a frame")
+    content = f"{len(result)} frames" if len(result) > 1 else "pose"
+    print(f"{options.output} written: {content} by {options.method}, {spent:.1f} ms per frame")
     return 0
 
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """What is carried over: a face's motion, the one pose that it shows, and the session that it is of, if any."""
+    """Source of a transfer.
+
+    Attributes:
+        model: The face.
+        performance: Its motion; one frame if it has no animation.
+        still: The pose that it shows, as one frame.
+        document: The session that it comes from, if any.
+    """
 
     model: "FaceModel"
     performance: "Performance"
@@ -165,23 +174,24 @@ def _source(options: argparse.Namespace) -> _Source:
     suffix = path.suffix.lower()
     if suffix not in MESHES + WEIGHTS:
         raise FacePoserError(
-            f"'{path}' is neither a session, nor weights ({', '.join(WEIGHTS)}), nor a posed mesh "
-            f"({', '.join(MESHES)})."
+            f"'{path}' is not a supported source; give a session (.json), weights ({', '.join(WEIGHTS)}) or a posed "
+            f"mesh ({', '.join(MESHES)})."
         )
     if suffix == ".json" and not _holds_weights(path):
         if options.character is not None or options.frames is not None or options.rate is not None:
             raise FacePoserError(
-                f"'{path}' is a session, which names its character and its rate; leave out --from, --frames and --rate."
+                f"'{path}' is a session, which has its own character and frame rate; leave out --from, --frames and "
+                "--rate."
             )
         session = open_with_remark(str(path))
         session.wait()
-        still = Performance(session.coefficients[None], _USUAL_RATE)
+        still = Performance(session.coefficients[None], _DEFAULT_RATE)
         return _Source(session.model, session.animation.performance or still, still, session.document)
     model = load_model(options.character or "man")
     if suffix in MESHES:
         pose = read_pose(path, model)
         print(printable(f"{path}: {pose.note}"))
-        still = Performance(pose.coefficients[None], _USUAL_RATE)
+        still = Performance(pose.coefficients[None], _DEFAULT_RATE)
         return _Source(model, still, still)
     read = read_performance(path, model)
     if read.note:
@@ -189,13 +199,13 @@ def _source(options: argparse.Namespace) -> _Source:
     poses = read.performance.coefficients
     chosen = poses[options.frames] if options.frames is not None else poses
     if not len(chosen):
-        raise FacePoserError(f"'{path}' has {len(poses)} frames, none of those that --frames asks for.")
+        raise FacePoserError(f"'{path}' has {len(poses)} frames, none of them in the range of --frames.")
     performance = Performance(chosen, options.rate or read.performance.rate)
     return _Source(model, performance, performance)
 
 
 def _holds_weights(path: Path) -> bool:
-    """Whether ``path`` is a file of weights, and not a session, whose reader judges all else."""
+    """Return True if ``path`` is a file of weights; anything else is left to the reader of sessions."""
     from faceposer.files.reading import open_file
     from faceposer.interchange.weights_json import FORMAT
 
@@ -207,19 +217,19 @@ def _holds_weights(path: Path) -> bool:
 
 
 def _write_session(options: argparse.Namespace, source: _Source, transfer: "Transfer", target: "FaceModel") -> None:
-    """Write the session of another face, with all that can be carried over."""
-    from faceposer.session.document import character_from, write_document
+    """Write the session of the target with everything that can be transferred."""
+    from faceposer.session.document import portable_character, write_document
     from faceposer.session.transferred import transferred
 
     assert source.document is not None
     pose = source.still.coefficients[0]
-    character = character_from(options.target, options.output.parent)
+    character = portable_character(options.target, options.output.parent)
     document = transferred(source.document, pose, transfer, character, target)
     document = replace(document, contact=document.contact and options.contact)
-    write_document(options.output, document.stamped(target))
+    write_document(options.output, document.with_version_data(target))
     keys = 0 if document.keyframes is None else len(document.keyframes.keys)
-    what = f"{keys} keys" if keys else "pose"
-    print(f"{options.output} written: {what} by {options.method}")
+    content = f"{keys} keys" if keys else "pose"
+    print(f"{options.output} written: {content} by {options.method}")
 
 
 def _write(
@@ -230,17 +240,17 @@ def _write(
     line: ProgressLine,
     options: argparse.Namespace,
 ) -> None:
-    """Write one pose as a session or as any other file holds it, more as an animation."""
+    """Write a single pose as a session or in any other format, several as an animation."""
     from faceposer.interchange.formats import write
     from faceposer.render.options import OutputOptions
-    from faceposer.session.document import Document, character_from, write_document
+    from faceposer.session.document import Document, portable_character, write_document
 
     pose = performance.coefficients[0]
     output_options = OutputOptions(contact=options.contact, materials=options.materials)
     if len(performance) > 1:
         write(path, model, performance, output_options, line.progress)
     elif path.suffix.lower() == ".json":
-        document = Document(character_from(character, path.parent), contact=options.contact)
-        write_document(path, document.starting_from(pose).posed(pose).stamped(model))
+        document = Document(portable_character(character, path.parent), contact=options.contact)
+        write_document(path, document.with_start(pose).posed(pose).with_version_data(model))
     else:
         write(path, model, pose, output_options)

@@ -6,7 +6,7 @@ import argparse
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the window to ``parser``."""
     parser.add_argument(
-        "what", metavar="CHARACTER or SESSION", nargs="?", default="man", help="a face or a saved session"
+        "what", metavar="CHARACTER or SESSION", nargs="?", default="man", help="character or saved session to open"
     )
     parser.add_argument("--exit-after-first-frame", action="store_true", help=argparse.SUPPRESS)
 

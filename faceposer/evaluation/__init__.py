@@ -1,1 +1,1 @@
-"""How near methods come to expressions that they have never seen (Lau et al. 2009, section 9)."""
+"""Evaluation of posing techniques on unseen expressions (Lau et al. 2009, section 9)."""

@@ -1,4 +1,4 @@
-"""Lines along features of the face, as an artist strokes them: which feature points they join, and how wide a brush."""
+"""Lines along features of the face, as an artist would stroke them: their feature points and brush widths."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from faceposer.geometry.strokes import resampled, stroke_pixels
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.term import Array
 
-#: Feature points along each line, from one end to the other.
+#: Feature points along each line, from end to end.
 FEATURE_LINES: dict[str, tuple[str, ...]] = {
     "brow_left": ("4.1", "4.3", "4.5"),
     "brow_right": ("4.2", "4.4", "4.6"),
@@ -34,7 +34,7 @@ def feature_line(model: FaceModel, vertices: ArrayLike, camera: Camera, names: S
 
 
 def width_of(line: ArrayLike, pixels: int) -> float:
-    """Return the diameter at which a brush along ``line``, shape (n, 2), covers about ``pixels`` pixels, from 1 up."""
+    """Return the brush diameter, at least 1, with which a stroke along ``line``, (n, 2), covers about ``pixels``."""
     low, high = 1.0, 200.0
     for _ in range(16):
         width = 0.5 * (low + high)
@@ -43,7 +43,7 @@ def width_of(line: ArrayLike, pixels: int) -> float:
 
 
 def of_length(line: ArrayLike, factor: float) -> Array:
-    """Return ``line``, shape (n, 2), with ``factor`` times its length: cut at both ends, or led on straight there."""
+    """Return ``line``, shape (n, 2), with ``factor`` times its length: trimmed or extended straight at both ends."""
     points = resampled(line, 1.0)
     extra = 0.5 * (factor - 1.0) * float(np.hypot(*np.diff(points, axis=0).T).sum())
     if extra < 0.0:

@@ -1,4 +1,4 @@
-"""Figures of a study, like Figures 14 and 16 and Table II of the paper, as PNG and SVG."""
+"""Figures of a study as PNG and SVG, modelled on Figures 14 and 16 and Table II of the paper."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ from faceposer.evaluation.rows import Row
 from faceposer.evaluation.tables import TIMED, targets, timed_rows
 
 _KINDS = {"point": "points", "distance": "distances", "stroke": "pixels of a stroke"}
-# Paul Tol's "muted" scheme, told apart by all common kinds of colour vision, and in grey by the markers.
+# Paul Tol's "muted" scheme, distinct for all common kinds of colour vision; markers distinguish methods in greyscale.
 _STYLES: dict[str, tuple[str, str, str]] = {
     "mfa": ("#000000", "o", "-"),
     "mfa-whole": ("#666666", "o", "--"),
@@ -24,9 +24,9 @@ _STYLES: dict[str, tuple[str, str, str]] = {
     "eos": ("#AA4499", ">", "--"),
     "arap": ("#44AA99", "p", "--"),
 }
-_OTHER = ("#555555", "*", ":")
-# What is this far beyond the neutral face's error says no more than that it is useless.
-_MOST, _MOST_PX = 1.5, 6.0
+_OTHER_STYLE = ("#555555", "*", ":")
+# Upper limits of the axes: larger errors only show that a method is useless.
+_MAX_ERROR, _MAX_ERROR_PX = 1.5, 6.0
 _FONT: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 11,
@@ -37,21 +37,21 @@ _FONT: dict[Any, Any] = {
 
 
 def require_matplotlib() -> None:
-    """Do nothing if figures can be drawn.
+    """Check that matplotlib is installed.
 
     Raises:
-        FacePoserError: If matplotlib is not installed.
+        FacePoserError: If it is not.
     """
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError:
         raise FacePoserError(
-            "The figures need matplotlib: pip install 'faceposer[plots]', or leave them out with --no-figures."
+            "The figures need matplotlib: pip install 'faceposer[plots]', or omit them with --no-figures."
         ) from None
 
 
 def write_figures(folder: Path, rows: Sequence[Row]) -> list[Path]:
-    """Draw what there are ``rows`` for into ``folder``, and return the files.
+    """Draw the figures for ``rows`` into ``folder``, and return their paths.
 
     Raises:
         FacePoserError: If matplotlib is not installed or a file cannot be written.
@@ -93,7 +93,7 @@ def _write(path: Path, figure: Any) -> list[Path]:
         target = path.with_name(path.name + suffix)
         temporary = target.with_name(f".{target.name}.tmp")
         try:
-            # No date in the file: the same rows give the same bytes.
+            # Without a date, the same rows give the same bytes.
             metadata = {"Date": None} if suffix == ".svg" else {"Software": None}
             figure.savefig(temporary, format=suffix[1:], dpi=150, metadata=metadata)
             temporary.replace(target)
@@ -105,7 +105,7 @@ def _write(path: Path, figure: Any) -> list[Path]:
 
 
 def _style(method: str) -> tuple[str, str, str]:
-    return _STYLES.get(method, _OTHER)
+    return _STYLES.get(method, _OTHER_STYLE)
 
 
 def _kinds(rows: Sequence[Row]) -> list[str]:
@@ -113,12 +113,12 @@ def _kinds(rows: Sequence[Row]) -> list[str]:
 
 
 def _methods(rows: Sequence[Row]) -> list[str]:
-    """Return the methods of ``rows``, ours last, so that it is drawn over the others."""
+    """Return the methods of ``rows``, with ours last, so that it is drawn over the others."""
     return sorted(dict.fromkeys(row["method"] for row in rows), key=lambda name: name == "mfa")
 
 
 def _curves(axes: Any, rows: Sequence[Row], value: str, band: str) -> None:
-    """Draw ``value`` over the counts, a line with its 95 % ``band`` for each method."""
+    """Plot ``value`` over the counts, as a line with a 95 % ``band`` for each method."""
     for method in _methods(rows):
         of = sorted((row for row in rows if row["method"] == method), key=lambda row: row["count"])
         colour, marker, dashes = _style(method)
@@ -147,12 +147,12 @@ def _curves(axes: Any, rows: Sequence[Row], value: str, band: str) -> None:
 
 
 def _limit(axes: Any, rows: Sequence[Row], value: str, least: float, most: float) -> None:
-    """Let ``axes`` go from 0 to ``most`` at most, and name the methods that are seen there nowhere or in part."""
+    """Limit ``axes`` to the range of ``value``, between ``least`` and ``most``, and name the methods beyond it."""
     axes.set_ylim(0.0, min(max(least, 1.05 * max(row[value] for row in rows)), most))
     beyond = list(dict.fromkeys(row["method"] for row in rows if row[value] > most))
     if beyond:
-        words = f"beyond {most:g}: {', '.join(beyond)}"
-        axes.text(0.98, 0.98, words, transform=axes.transAxes, ha="right", va="top", fontsize=8)
+        remark = f"beyond {most:g}: {', '.join(beyond)}"
+        axes.text(0.98, 0.98, remark, transform=axes.transAxes, ha="right", va="top", fontsize=8)
 
 
 def _legend(figure: Any, axes: Sequence[Any]) -> None:
@@ -165,7 +165,7 @@ def _legend(figure: Any, axes: Sequence[Any]) -> None:
 
 
 def _errors(rows: Sequence[Row], noise: float) -> Any:
-    """Figure 16: 3D and 2D errors by the number of constraints."""
+    """Draw Figure 16: 3D and 2D errors by the number of constraints."""
     kinds = _kinds(rows)
     figure = _figure(3.6 * len(kinds) + 2.0, 6.6)
     panels = figure.subplots(2, len(kinds), squeeze=False)
@@ -174,9 +174,9 @@ def _errors(rows: Sequence[Row], noise: float) -> Any:
         above, below = panels[0, column], panels[1, column]
         _curves(above, of, "error_3d_relative", "ci95")
         above.axhline(1.0, color="#444444", linewidth=1.0, linestyle=(0, (1, 2)))
-        _limit(above, of, "error_3d_relative", 1.1, _MOST)
+        _limit(above, of, "error_3d_relative", 1.1, _MAX_ERROR)
         _curves(below, of, "error_2d_px", "error_2d_ci95")
-        _limit(below, of, "error_2d_px", 1.0, _MOST_PX)
+        _limit(below, of, "error_2d_px", 1.0, _MAX_ERROR_PX)
         above.set_title({"point": "Points", "distance": "Distances", "stroke": "Strokes"}[kind])
         below.set_xlabel(f"{'number of ' if kind != 'stroke' else ''}{_KINDS[kind]}")
     panels[0, 0].set_ylabel("3D error, neutral face = 1")
@@ -187,7 +187,7 @@ def _errors(rows: Sequence[Row], noise: float) -> Any:
 
 
 def _times(rows: Sequence[Row]) -> Any:
-    """Figure 14, of all methods: time of a solve by the number of constraints."""
+    """Draw Figure 14 for all methods: time of a solve by the number of constraints."""
     kinds = _kinds(rows)
     figure = _figure(3.6 * len(kinds) + 2.0, 3.8)
     panels = figure.subplots(1, len(kinds), squeeze=False, sharey=True)[0]
@@ -203,7 +203,7 @@ def _times(rows: Sequence[Row]) -> Any:
 
 
 def _regions(rows: Sequence[Row], noise: float) -> Any:
-    """Draw the errors where only one region has constraints: a panel for each region, a line for each method."""
+    """Draw the errors with constraints in one region only: a panel for each region, a line for each method."""
     regions = list(dict.fromkeys(row["region"] for row in rows))
     methods = [name for name in _STYLES if any(row["method"] == name for row in rows)]
     methods += [name for name in _methods(rows) if name not in methods]
@@ -220,9 +220,9 @@ def _regions(rows: Sequence[Row], noise: float) -> Any:
                     if (row["method"], row["region"], row["constraint"], row["count"]) == (method, region, kind, count):
                         colour = _style(method)[0]
                         axes.plot(row["ci95"], [j + offset] * 2, color=colour, linewidth=1.4)
-                        beyond = row["error_3d_relative"] > _MOST
+                        beyond = row["error_3d_relative"] > _MAX_ERROR
                         axes.plot(
-                            [min(row["error_3d_relative"], _MOST)],
+                            [min(row["error_3d_relative"], _MAX_ERROR)],
                             [j + offset],
                             color=colour,
                             marker=">" if beyond else markers[i % len(markers)],
@@ -231,7 +231,7 @@ def _regions(rows: Sequence[Row], noise: float) -> Any:
                             linestyle="none",
                             markerfacecolor=colour if i % 2 else "white",
                         )
-            # An empty point for the legend: markers tell cells, colours only repeat the methods' names.
+            # An empty entry for the legend: markers distinguish cells, colours repeat the methods.
             axes.plot(
                 [],
                 [],
@@ -246,7 +246,7 @@ def _regions(rows: Sequence[Row], noise: float) -> Any:
         axes.grid(alpha=0.25, axis="x")
     panels[0].set_yticks(range(len(methods)), methods)
     panels[0].invert_yaxis()
-    panels[0].set_xlim(0.0, min(max(1.1, 1.05 * max(row["error_3d_relative"] for row in rows)), _MOST))
+    panels[0].set_xlim(0.0, min(max(1.1, 1.05 * max(row["error_3d_relative"] for row in rows)), _MAX_ERROR))
     figure.supxlabel("3D error of the face, neutral face = 1; lines: 95 %; >: beyond", fontsize=10)
     figure.suptitle(f"Constraints in one region only, {targets(noise)}")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right center", frameon=False)
@@ -254,7 +254,7 @@ def _regions(rows: Sequence[Row], noise: float) -> Any:
 
 
 def _time_table(rows: Sequence[Row]) -> Any:
-    """Table II: time of a solve with 4 points, 4 distances, 450 pixels."""
+    """Draw Table II: time of a solve with 4 points, 4 distances and a stroke of 450 pixels."""
     columns = [cell for cell in TIMED if any((row["constraint"], row["count"]) == cell[:2] for row in rows)]
     methods = [name for name in _STYLES if any(row["method"] == name for row in rows)]
     methods += [name for name in _methods(rows) if name not in methods]

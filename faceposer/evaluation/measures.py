@@ -1,4 +1,4 @@
-"""How far a face is from the truth, from its constraints, and from what faces do."""
+"""Errors of a face: to the truth, to its constraints, and to the natural range of faces."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,24 +15,24 @@ from faceposer.solve.constraints.stroke import StrokeConstraint
 
 Array = NDArray[np.float64]
 
-# So many vertices of the skin say how natural a face is, compared with so many frames.
+# Naturalness: number of skin vertices, of real frames they are compared with, and of candidates for the nearest frame.
 _PROBES, _REAL_FRAMES, _CLOSEST = 400, 1500, 8
-# Principal components of the frames that a likelihood is about; beyond them, this much is noise (in the mesh's unit).
+# Principal components of the frames in the likelihood, and standard deviation of the noise beyond them (mesh unit).
 _LIKELIHOOD_COMPONENTS, _LIKELIHOOD_NOISE = 20, 0.01
 
 
 @dataclass(frozen=True)
 class Score:
-    """What came of one trial.
+    """Measures of one trial.
 
     Attributes:
         error: Mean distance of the vertices from the truth, in the mesh's unit.
-        neutral_error: The same of the neutral face.
+        neutral_error: The same for the neutral face.
         by_region: Error and neutral error of each region.
-        error_2d_px: Mean residual of the constraints.
-        to_real: Mean distance of probes on the skin from those of the nearest real frame of the test take.
-        log_likelihood: Log-density per component under one Gaussian of the test take, which no method knows.
-        ms: Time of the solve.
+        error_2d_px: Mean residual of the constraints, in pixels.
+        to_real: Mean distance of probes on the skin to those of the nearest real frame of the test take.
+        log_likelihood: Log-density per component under one Gaussian of the test take, which no method has access to.
+        ms: Time of the solve, in milliseconds.
     """
 
     error: float
@@ -45,10 +45,10 @@ class Score:
 
 
 class Evaluator:
-    """Compares faces with the truth."""
+    """Comparison of faces with the truth."""
 
     def __init__(self, setting: StudyContext, frames: Array) -> None:
-        """Evaluator on the face of a ``setting``, by the rig weights of the test take's ``frames``, shape (F, S)."""
+        """Initialise for the face of ``setting`` and the test take's ``frames``, rig weights of shape (F, S)."""
         self._setting = setting
         self._frames = frames
 
@@ -58,7 +58,7 @@ class Evaluator:
 
     @cached_property
     def _probes(self) -> NDArray[np.intp]:
-        """Vertices of the skin, shape (n,), that some shape moves, evenly spread over their order."""
+        """Skin vertices that some shape moves, evenly spaced in vertex order, shape (n,)."""
         character = self._setting.character
         skin = skin_vertices(character)
         motion = np.abs(character.shapes[:, skin].astype(np.float32)).max(axis=(0, 2))
@@ -68,7 +68,7 @@ class Evaluator:
 
     @cached_property
     def _real(self) -> Array:
-        """The probes of real frames relative to the neutral face, shape (F', 3 n)."""
+        """Probes of real frames relative to the neutral face, shape (F', 3 n)."""
         frames = self._frames[np.unique(np.linspace(0, len(self._frames) - 1, _REAL_FRAMES).round().astype(np.intp))]
         shapes = self._setting.character.shapes[:, self._probes].astype(np.float64)
         return frames @ shapes.reshape(len(shapes), -1)
@@ -83,11 +83,11 @@ class Evaluator:
         return mean, axes[kept], np.sqrt(values[kept] ** 2 / len(self._real) + noise**2 / _LIKELIHOOD_COMPONENTS)
 
     def naturalness(self, vertices: ArrayLike) -> tuple[float, float]:
-        """Return the distance of ``vertices``, (N, 3), to the nearest real frame, and their log-density."""
+        """Return the distance of ``vertices``, (N, 3), to the nearest real frame, and the log-density per component."""
         neutral = self._setting.character.vertices
         probes = (np.asarray(vertices, dtype=np.float64) - neutral)[self._probes].ravel()
         squared = ((self._real - probes) ** 2).sum(axis=1)
-        # The nearest by mean distance is among the nearest by squared distance.
+        # The nearest frame by mean distance is assumed to be among the nearest by squared distance.
         closest = self._real[np.argpartition(squared, _CLOSEST)[:_CLOSEST]]
         to_real = np.linalg.norm((closest - probes).reshape(_CLOSEST, -1, 3), axis=2).mean(axis=1).min()
         mean, axes, deviations = self._gaussian
@@ -99,7 +99,7 @@ class Evaluator:
         return float(to_real), float(density) / len(deviations)
 
     def score(self, trial: Trial, vertices: ArrayLike, ms: float) -> Score:
-        """Return what came of ``trial`` where a method found ``vertices``, shape (N, 3), in ``ms`` milliseconds."""
+        """Return the score of ``vertices``, shape (N, 3), that a method found for ``trial`` in ``ms`` milliseconds."""
         setting = self._setting
         truth, vertices = setting.shown(setting.vertices_of(trial.weights)), setting.shown(vertices)
         error = np.linalg.norm(np.asarray(vertices) - truth, axis=1)
@@ -117,10 +117,10 @@ class Evaluator:
 
 
 def residual_px(setting: StudyContext, constraint: Constraint, vertices: ArrayLike) -> float:
-    """Return how many pixels ``constraint`` is from being met by any ``vertices``, shape (N, 3), of the character.
+    """Return the residual of ``constraint`` for ``vertices`` of the character, shape (N, 3), in pixels.
 
     Raises:
-        TypeError: If it is none of those that are evaluated.
+        TypeError: If constraints of this kind are not evaluated.
     """
     if not isinstance(constraint, PointConstraint | DistanceConstraint | StrokeConstraint):
         raise TypeError(f"constraints of the kind '{constraint.kind}' are not evaluated")

@@ -1,6 +1,6 @@
-"""Leaving out one performer at a time: each is tested with what the takes of all others teach.
+"""Leave-one-performer-out studies: each performer is tested with what is learned from all others.
 
-The study of each is one by itself, in a folder with the performer's name; above them are the files over all.
+Each has a separate study, in a folder with the performer's name; the parent folder has the files over all.
 """
 
 import json
@@ -11,12 +11,12 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.evaluation.plan import Plan
 from faceposer.evaluation.rows import Row, csv_of, pooled_rows_of
-from faceposer.evaluation.running import Show
 from faceposer.evaluation.study import FORMAT, RESULTS, TABLE, TABLES, VERSION, Outcome, Study, machine
 from faceposer.evaluation.tables import error_tables, share_tables, time_table
 from faceposer.evaluation.takes import Source, Sparse
 from faceposer.files.atomic import write_text
 from faceposer.model.character import Character
+from faceposer.progress import Progress
 from faceposer.training.expressions import Recipe
 
 #: The name of the rows over all performers.
@@ -27,14 +27,14 @@ _FORBIDDEN = frozenset('/\\:*?"<>|')
 
 @dataclass(frozen=True)
 class Performer:
-    """Somebody with takes.
+    """A performer with their takes.
 
     Attributes:
-        name: Of the rows, and of a folder.
+        name: Name in rows, and of the folder.
         takes: Files, at least one.
 
     Raises:
-        FacePoserError: If the name is none for a folder.
+        FacePoserError: If the name is not valid for a folder.
     """
 
     name: str
@@ -49,25 +49,26 @@ class Performer:
 def leave_one_out(
     performers: Sequence[Performer], character: str, recipe: Recipe, sparse: Sparse = "auto"
 ) -> dict[str, Source]:
-    """Return by name what each performer is tested with: the takes of all others to learn from.
+    """Return the data for each performer by name: their takes to test on, and those of all others to learn from.
 
     Raises:
-        FacePoserError: If there are fewer than two performers, or two of one name or with one take.
+        FacePoserError: If there are fewer than two performers, or two with the same name or a common take.
     """
     names = [performer.name.casefold() for performer in performers]
     if len(names) < 2:
-        raise FacePoserError("Leaving out one performer leaves nobody to learn from; give --performer at least twice.")
+        raise FacePoserError("With one performer, there is nobody to learn from; give --performer at least twice.")
     for performer in performers:
         if names.count(performer.name.casefold()) > 1:
             raise FacePoserError(
-                f"There are two performers called '{performer.name}'; give all takes of one after one --performer."
+                f"There are two performers called '{performer.name}'; give all takes of a performer with one "
+                "--performer."
             )
     owners: dict[Path, str] = {}
     for performer in performers:
         for path in performer.takes:
             other = owners.setdefault(path.resolve(), performer.name)
             if other != performer.name:
-                raise FacePoserError(f"'{path}' is given as a take of {other} and of {performer.name}; keep one.")
+                raise FacePoserError(f"'{path}' is given as a take of {other} and of {performer.name}; remove one.")
     sources = {}
     for performer in performers:
         others = [(other.name, path) for other in performers if other is not performer for path in other.takes]
@@ -85,12 +86,12 @@ def leave_one_out(
 
 @dataclass(frozen=True)
 class PerformersOutcome:
-    """What came of leaving out performers.
+    """Results of leaving out each performer.
 
     Attributes:
         pooled: Rows over the trials of all performers.
-        outcomes: Of each performer's study, by name.
-        left_out: Techniques that cannot be run here, each with a sentence that says why.
+        outcomes: Results of each performer's study, by name.
+        left_out: Techniques that cannot be run on this machine, each with the reason as a sentence.
     """
 
     pooled: list[Row]
@@ -99,12 +100,12 @@ class PerformersOutcome:
 
     @property
     def rows(self) -> list[Row]:
-        """All rows, those over all performers first, with whom they are of."""
+        """All rows with the performer's name, those over all performers first."""
         named = {POOLED: self.pooled} | {name: outcome.rows for name, outcome in self.outcomes.items()}
         return [{"performer": name, **row} for name, rows in named.items() for row in rows]
 
     def tables(self) -> str:
-        """Return the tables of errors as Markdown, over all performers and of each."""
+        """Return the tables of errors as Markdown, over all performers and for each."""
         parts = ["## All performers, each left out once", error_tables(self.pooled), share_tables(self.pooled)]
         parts.append(time_table(self.pooled))
         for name, outcome in self.outcomes.items():
@@ -115,13 +116,13 @@ class PerformersOutcome:
 
 @dataclass(frozen=True)
 class PerformersStudy:
-    """A study of each performer, and what they say together.
+    """A study for each performer, and the results over all.
 
     Attributes:
-        sources: What each is tested with, by name.
-        plan: The cells, the same for all.
-        folder: Where the files are.
-        command: The words that repeat it.
+        sources: Training and test data for each performer, by name.
+        plan: The plan, the same for all.
+        folder: Folder of the files.
+        command: Command line that repeats it.
     """
 
     sources: Mapping[str, Source]
@@ -134,33 +135,33 @@ class PerformersStudy:
         return Study(self.sources[name], self.plan, self.folder / name, self.command)
 
     def run(
-        self, character: Character, jobs: int, show: Callable[[str], Show], restart: bool = False
+        self, character: Character, jobs: int, progress_of: Callable[[str], Progress], restart: bool = False
     ) -> PerformersOutcome:
-        """Do what is left to do, and write what came of it.
+        """Run the remaining trials and write the results.
 
         Args:
             character: The face.
             jobs: Number of processes.
-            show: Returns what is told of the progress of a performer's study.
-            restart: Whether to throw away all trials.
+            progress_of: Returns the progress of the study in which a performer is left out.
+            restart: Discard all trials.
 
         Raises:
-            FacePoserError: If a folder has another study's trials, a file cannot be used, a process was ended, or no
-                trial can be made of a performer's takes.
+            FacePoserError: If a folder has trials of another study, a file cannot be used, a process was killed, or no
+                trial can be made from a performer's takes.
         """
         outcomes = {}
         for name in self.sources:
-            outcomes[name] = self.study(name).run(character, jobs, show(name), restart)
+            outcomes[name] = self.study(name).run(character, jobs, progress_of(name), restart)
             if not outcomes[name].rows:
                 raise FacePoserError(
-                    f"The takes of the performer '{name}' have too few frames in which the face moves to be tested on; "
-                    "give longer ones with --performer."
+                    f"The takes of the performer '{name}' have too few frames in which the face moves; give longer "
+                    "takes with --performer."
                 )
         pooled = pooled_rows_of([outcome.scores for outcome in outcomes.values()], self.plan)
         skipped: dict[str, str] = {}
         for outcome in outcomes.values():
             skipped |= outcome.left_out
-        found = PerformersOutcome(pooled, outcomes, skipped)
+        result = PerformersOutcome(pooled, outcomes, skipped)
         about = {
             "format": FORMAT,
             "version": VERSION,
@@ -168,10 +169,10 @@ class PerformersStudy:
             "machine": machine(jobs),
             "settings": {name: self.study(name).settings(character) for name in self.sources},
             "left_out": skipped,
-            "rows": found.rows,
+            "rows": result.rows,
         }
         write_text(self.folder / RESULTS, json.dumps(about, indent=1, ensure_ascii=False) + "\n", "result")
-        write_text(self.folder / TABLE, csv_of(found.rows), "table")
+        write_text(self.folder / TABLE, csv_of(result.rows), "table")
         head = f"# {character.name}\n\n    {self.command}\n\n"
-        write_text(self.folder / TABLES, head + found.tables(), "table")
-        return found
+        write_text(self.folder / TABLES, head + result.tables(), "table")
+        return result

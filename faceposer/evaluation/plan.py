@@ -1,4 +1,4 @@
-"""What a study asks: which techniques, in which cells of the tables, how often."""
+"""Plan of a study: techniques, cells of the tables, and numbers of trials."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.trials import STROKE_LINES, Cell, TrialMaker, region_vertices
 from faceposer.model.character import Character
 
-#: The techniques that are compared unless others are asked for, those of them that the program has.
+#: Techniques that are compared by default.
 DEFAULT_METHODS = (
     "mfa",
     "mfa-whole",
@@ -23,24 +23,24 @@ DEFAULT_METHODS = (
     "eos",
     "arap",
 )
-#: Trials of a cell, by kind: comparing a stroke with thousands of examples takes long.
+#: Trials of a cell, by kind; fewer for strokes, which are slow to compare with thousands of examples.
 TRIALS: dict[str, int] = {"point": 150, "distance": 150, "stroke": 100}
-#: Standard deviations of the hand, in pixels: as it is, and exact.
+#: Standard deviations of the target noise, in pixels: that of a hand, and none.
 NOISE_PX = (1.5, 0.0)
-#: Numbers of constraints that are tried within one region only.
+#: Numbers of constraints within one region only.
 REGION_COUNTS: dict[str, tuple[int, ...]] = {"point": (1, 4), "distance": (2,), "stroke": (450,)}
-#: Trials that are done, and noted, at a time.
+#: Number of trials in a task.
 CHUNK = 25
 
 
 @dataclass(frozen=True)
 class Task:
-    """Trials of one cell that one process does at a time.
+    """Trials of one cell that one process runs at a time.
 
     Attributes:
-        cell: Of the trials.
-        seed: Of the trials.
-        missing: Numbers of the trials that each method has not done.
+        cell: Cell of the trials.
+        seed: Seed of the trials.
+        missing: Numbers of the missing trials of each method.
     """
 
     cell: Cell
@@ -50,13 +50,13 @@ class Task:
 
 @dataclass(frozen=True)
 class Plan:
-    """The cells of a study.
+    """Methods, cells and trials of a study.
 
     Attributes:
         methods: Names of techniques.
-        cells: What they are tested on.
-        trials: Number of trials of a cell, by kind of constraint, for each seed.
-        seeds: Of frames, places and noise.
+        cells: Conditions under which they are tested.
+        trials: Number of trials of a cell for each seed, by kind of constraint.
+        seeds: Seeds of frames, places and noise.
     """
 
     methods: tuple[str, ...]
@@ -64,8 +64,8 @@ class Plan:
     trials: Mapping[str, int]
     seeds: tuple[int, ...]
 
-    def wanted(self, method: str, cell: Cell) -> int:
-        """Return the number of trials of ``cell`` that ``method`` is to do for each seed."""
+    def n_trials(self, method: str, cell: Cell) -> int:
+        """Return the number of trials of ``cell`` for ``method`` and each seed."""
         kind: type[Method] = METHODS[method]
         if cell.constraint not in kind.kinds:
             return 0
@@ -73,15 +73,15 @@ class Plan:
         return trials if kind.max_trials is None else min(trials, kind.max_trials)
 
     def tasks(self, done: Mapping[tuple[str, Cell, int], Collection[int]]) -> Iterator[Task]:
-        """Yield what is left to do where the trials ``done`` are, by method, cell and seed."""
+        """Yield the remaining tasks, given the trials ``done`` by method, cell and seed."""
         for cell in self.cells:
             for seed in self.seeds:
                 for first in range(0, self.trials[cell.constraint], CHUNK):
                     missing = {}
                     for method in self.methods:
-                        last = min(first + CHUNK, self.wanted(method, cell))
-                        known = done.get((method, cell, seed), ())
-                        numbers = tuple(number for number in range(first, last) if number not in known)
+                        last = min(first + CHUNK, self.n_trials(method, cell))
+                        finished = done.get((method, cell, seed), ())
+                        numbers = tuple(number for number in range(first, last) if number not in finished)
                         if numbers:
                             missing[method] = numbers
                     if missing:
@@ -89,10 +89,10 @@ class Plan:
 
 
 def known_methods(names: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the techniques ``names``, or the usual ones if None.
+    """Return the techniques ``names`` without duplicates, or the default ones if None.
 
     Raises:
-        FacePoserError: If there is no technique of such a name.
+        FacePoserError: If a name is unknown.
     """
     if names is None:
         return tuple(name for name in DEFAULT_METHODS if name in METHODS)
@@ -111,19 +111,19 @@ def cells_of(
     noises: Sequence[float],
     regions: Sequence[str] | None,
 ) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
-    """Return the cells of a study on ``character``, and a sentence for each sort of cells that it has no place for.
+    """Return the cells of a study on ``character``, and a sentence for each group of cells that it has no places for.
 
     Args:
-        maker: Of trials on the face.
+        maker: Maker of trials on the face.
         character: The face.
-        kinds: Of constraints.
-        counts: Of constraints anywhere on the face, by kind.
-        region_counts: Of constraints in one region only, by kind.
-        noises: Standard deviations of the hand, in pixels.
-        regions: Regions that are alone to have constraints; None for all that the character has.
+        kinds: Kinds of constraints.
+        counts: Numbers of constraints anywhere on the face, by kind.
+        region_counts: Numbers of constraints within one region, by kind.
+        noises: Standard deviations of the target noise, in pixels.
+        regions: Regions with cells in which only they have constraints; None for all regions of the character.
 
     Raises:
-        FacePoserError: If the character lacks a region that is asked for, or has no place for any constraint.
+        FacePoserError: If the character lacks one of the ``regions``, or has no place for any constraint.
     """
     present = region_vertices(character)
     for region in regions or ():
@@ -145,14 +145,16 @@ def cells_of(
 
 
 def possible(maker: TrialMaker, cells: Sequence[Cell]) -> tuple[tuple[Cell, ...], tuple[str, ...]]:
-    """Return those of the ``cells`` that the face of the ``maker`` has places for, and why the others are left out.
+    """Return the ``cells`` that the face of ``maker`` has places for, and the reasons why others are left out.
 
     Raises:
         FacePoserError: If it has no place for any.
     """
-    lacking = {cell: maker.lacking(cell) for cell in dict.fromkeys(cells)}
-    left = tuple(cell for cell, sentence in lacking.items() if sentence is None)
-    sentences = tuple(dict.fromkeys(sentence for sentence in lacking.values() if sentence is not None))
-    if sentences and not left:
-        raise FacePoserError(f"{sentences[0]} Choose other constraints with --kinds and --counts, or another face.")
-    return left, sentences
+    reasons = {cell: maker.lacking(cell) for cell in dict.fromkeys(cells)}
+    remaining = tuple(cell for cell, sentence in reasons.items() if sentence is None)
+    sentences = tuple(dict.fromkeys(sentence for sentence in reasons.values() if sentence is not None))
+    if sentences and not remaining:
+        raise FacePoserError(
+            f"{sentences[0]} Choose other constraints with --kinds and --counts, or another character."
+        )
+    return remaining, sentences

@@ -1,4 +1,4 @@
-"""Processes beside this one that each keep something prepared, and end when this one is stopped."""
+"""Worker processes with an initialiser, which end when the main process is stopped."""
 
 import multiprocessing
 import signal
@@ -12,21 +12,20 @@ from faceposer.errors import FacePoserError
 
 
 @contextmanager
-def processes(number: int, prepare: Callable[..., None], *given: Any) -> Iterator[ProcessPoolExecutor]:
-    """Give ``number`` processes, in each of which ``prepare(*given)`` has run.
+def processes(number: int, prepare: Callable[..., None], *arguments: Any) -> Iterator[ProcessPoolExecutor]:
+    """Yield a pool of ``number`` processes, each initialised by ``prepare(*arguments)``.
 
     Raises:
-        FacePoserError: If one of them was ended from outside.
+        FacePoserError: If a process was killed.
     """
-    # A forked process would have this one's locks and threads, and no other system than Linux forks.
+    # A forked process would inherit locks and threads, and only Linux forks by default.
     context = multiprocessing.get_context("spawn")
-    executor = ProcessPoolExecutor(number, context, initializer=_begin, initargs=(prepare, *given))
+    executor = ProcessPoolExecutor(number, context, initializer=_initialise, initargs=(prepare, *arguments))
     try:
         yield executor
     except BrokenProcessPool as error:
         raise FacePoserError(
-            "A process of the study was ended from outside, perhaps for want of memory; give the same command again "
-            "with --jobs 1."
+            "A process of the study was killed, perhaps because memory ran out; repeat the command with --jobs 1."
         ) from error
     except BaseException:
         for process in multiprocessing.active_children():
@@ -36,7 +35,7 @@ def processes(number: int, prepare: Callable[..., None], *given: Any) -> Iterato
         executor.shutdown(wait=True, cancel_futures=True)
 
 
-def _begin(prepare: Callable[..., None], *given: Any) -> None:
-    # The terminal's Ctrl-C goes to all processes; the one that began the others ends them.
+def _initialise(prepare: Callable[..., None], *arguments: Any) -> None:
+    # Ctrl-C in the terminal interrupts all processes; the main process terminates the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    prepare(*given)
+    prepare(*arguments)

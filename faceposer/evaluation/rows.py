@@ -1,4 +1,4 @@
-"""From scores of trials to rows of a table, with intervals by bootstrap."""
+"""Table rows of trial scores, with bootstrap intervals."""
 
 import csv
 import io
@@ -19,51 +19,51 @@ from faceposer.evaluation.trials import FACE_REGIONS, Cell
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 
-#: Times that the trials of a cell are drawn anew, with replacement.
+#: Number of bootstrap resamples of the trials of a cell.
 RESAMPLES = 2000
 _INTERVAL = (2.5, 97.5)
 
 
-# A trial: the number of its group (the performer left out, where there are several), its seed and its number.
+# Key of a trial: the index of its group (the performer left out, if there are several), its seed and its number.
 _Key = tuple[int, int, int]
 
 
 def rows_of(scores: Scores, plan: Plan) -> list[Row]:
-    """Return a row for each method and cell of ``plan`` that has ``scores``, in the order of the plan."""
+    """Return a row for each method and cell of ``plan`` with ``scores``, in the order of the plan."""
     return pooled_rows_of([scores], plan)
 
 
 def pooled_rows_of(groups: Sequence[Scores], plan: Plan) -> list[Row]:
-    """Return the same over several ``groups`` of trials together, each drawn anew by itself for the intervals."""
+    """Return the same for several ``groups`` of trials together; the bootstrap is stratified by group."""
     rows = []
     for cell in plan.cells:
-        of_cell = {method: taken for method in plan.methods if (taken := _of(groups, plan, method, cell))}
-        found = [_row(method, cell, taken, plan.seeds) for method, taken in of_cell.items()]
-        if found:
-            lowest = min(found, key=lambda row: row["error_3d_relative"])["method"]
-            for row in found:
-                row.update(_behind(cell, of_cell[row["method"]], of_cell[lowest], row["method"] == lowest))
-        rows += found
+        by_method = {method: scores for method in plan.methods if (scores := _scores(groups, plan, method, cell))}
+        of_cell = [_row(method, cell, scores, plan.seeds) for method, scores in by_method.items()]
+        if of_cell:
+            lowest = min(of_cell, key=lambda row: row["error_3d_relative"])["method"]
+            for row in of_cell:
+                row.update(_difference(cell, by_method[row["method"]], by_method[lowest], row["method"] == lowest))
+        rows += of_cell
     return rows
 
 
-def _of(groups: Sequence[Scores], plan: Plan, method: str, cell: Cell) -> dict[_Key, Score]:
-    """Return the scores of ``method`` by group, seed and number of the trial, those that the plan asks for."""
-    wanted = plan.wanted(method, cell)
+def _scores(groups: Sequence[Scores], plan: Plan, method: str, cell: Cell) -> dict[_Key, Score]:
+    """Return the scores of ``method`` in ``cell`` that the plan includes."""
+    count = plan.n_trials(method, cell)
     return {
         (group, seed, number): score
         for group, scores in enumerate(groups)
         for seed in plan.seeds
         for number, score in sorted(scores.get((method, cell, seed), {}).items())
-        if number < wanted
+        if number < count
     }
 
 
-def _row(method: str, cell: Cell, taken: Mapping[_Key, Score], seeds: Sequence[int]) -> Row:
-    scores = list(taken.values())
+def _row(method: str, cell: Cell, by_trial: Mapping[_Key, Score], seeds: Sequence[int]) -> Row:
+    scores = list(by_trial.values())
     errors, neutral = _errors(scores)
     n = len(scores)
-    draws = _draws(cell, _sizes(taken))
+    draws = _resamples(cell, _sizes(by_trial))
     row: Row = {"method": method, "constraint": cell.constraint, "count": cell.count, "noise_px": cell.noise_px}
     if cell.region is not None:
         row["region"] = cell.region
@@ -89,22 +89,22 @@ def _row(method: str, cell: Cell, taken: Mapping[_Key, Score], seeds: Sequence[i
     return row
 
 
-def _regional(both: Sequence[tuple[float, float]]) -> Row:
-    errors, neutral = np.array(both).T
+def _regional(pairs: Sequence[tuple[float, float]]) -> Row:
+    errors, neutral = np.array(pairs).T
     return {
         "error_3d": _rounded(errors.mean(), 5),
         "error_3d_relative": _rounded(errors.mean() / max(float(neutral.mean()), 1e-12), 4),
     }
 
 
-def _behind(cell: Cell, of: Mapping[_Key, Score], best: Mapping[_Key, Score], is_best: bool) -> Row:
-    """Return how far a method's relative error is behind that of the ``best``, over the trials that both have done."""
-    common = [key for key in of if key in best]
+def _difference(cell: Cell, scores: Mapping[_Key, Score], best: Mapping[_Key, Score], is_best: bool) -> Row:
+    """Return the difference between a method's relative error and that of the ``best``, over their common trials."""
+    common = [key for key in scores if key in best]
     if is_best or not common:
         return {"lowest": is_best, "behind": 0.0 if is_best else None, "behind_ci95": None, "within": is_best}
-    errors, neutral = _errors([of[key] for key in common])
+    errors, neutral = _errors([scores[key] for key in common])
     lowest, _ = _errors([best[key] for key in common])
-    draws = _draws(cell, _sizes(common))
+    draws = _resamples(cell, _sizes(common))
     differences = (draws @ (errors - lowest)) / (draws @ neutral)
     interval = _interval(differences)
     return {
@@ -120,15 +120,15 @@ def _errors(scores: Sequence[Score]) -> tuple[Array, Array]:
 
 
 def _sizes(keys: Iterable[_Key]) -> tuple[int, ...]:
-    """Return the number of trials of each group that has some, in the order of the groups."""
+    """Return the number of trials of each group that has any, in the order of the groups."""
     return tuple(Counter(group for group, _, _ in keys).values())
 
 
 @lru_cache(maxsize=4)
-def _draws(cell: Cell, sizes: tuple[int, ...]) -> Array:
-    """Return how often each trial is drawn, shape (RESAMPLES, n): the same for all methods of a ``cell``.
+def _resamples(cell: Cell, sizes: tuple[int, ...]) -> Array:
+    """Return the multiplicity of each trial in each resample, shape (RESAMPLES, n), equal for all methods of ``cell``.
 
-    Of each group as many trials are drawn as it has: ``sizes``, n of them together.
+    Each group is resampled to its size, one of ``sizes``, n being their sum.
     """
     parts = []
     for group, n in enumerate(sizes):
@@ -143,10 +143,10 @@ def _interval(values: Array) -> list[float]:
 
 
 def _median_interval(ordered: Array) -> list[float]:
-    """Return the interval of the median between two of the ``ordered`` values, by their binomial ranks."""
+    """Return the interval of the median between two of the ``ordered`` values, by binomial ranks."""
     n = len(ordered)
-    reach = 1.96 * np.sqrt(n) / 2.0
-    low, high = int(max(np.floor(n / 2.0 - reach), 0)), int(min(np.ceil(n / 2.0 + reach), n - 1))
+    half_width = 1.96 * np.sqrt(n) / 2.0
+    low, high = int(max(np.floor(n / 2.0 - half_width), 0)), int(min(np.ceil(n / 2.0 + half_width), n - 1))
     return [_rounded(ordered[low], 3), _rounded(ordered[high], 3)]
 
 
@@ -155,7 +155,7 @@ def _rounded(value: float | np.floating[Any], digits: int) -> float:
 
 
 def csv_of(rows: Sequence[Row]) -> str:
-    """Return ``rows`` as CSV, one column a number: ends of intervals and regions have columns of their own."""
+    """Return ``rows`` as CSV, with one number per column: bounds of intervals and regions have separate columns."""
     regions = [name for name in FACE_REGIONS if any(name in row["error_3d_by_region"] for row in rows)]
     flat = [_flat(row, regions) for row in rows]
     text = io.StringIO(newline="")

@@ -1,8 +1,8 @@
-"""Runs the trials of a plan, on one process or some, and notes each chunk that is done."""
+"""Execution of the trials of a plan in one or several processes, logging each finished task."""
 
 import importlib.util
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass, field
 from itertools import islice
@@ -20,20 +20,20 @@ from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import TrialLog
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
+from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
-#: Is told how many of how many chunks are done.
-Show = Callable[[int, int], None]
+#: Callback for the progress, with the number of finished tasks and the number of all tasks.
 
 
 @dataclass(frozen=True)
-class Done:
-    """What came of a task.
+class TaskResult:
+    """Results of a task.
 
     Attributes:
-        task: What was to be done.
-        scores: By method and number of the trial; trials that the take is too poor for are left out.
-        skipped: Methods that cannot be run here, each with a sentence that says why.
+        task: The task.
+        scores: Scores by method and number of the trial, without trials for which the take has no frames.
+        skipped: Methods that cannot be run on this machine, each with the reason as a sentence.
     """
 
     task: Task
@@ -42,12 +42,12 @@ class Done:
 
 
 @dataclass
-class Bench:
-    """A face with everything prepared that trials need; each process has one.
+class TrialRunner:
+    """Runner of trials on one face, with prepared methods; each process has one.
 
     Attributes:
-        setting: The face and what may be learned.
-        frames: Frames to test on, as weights of the character's shapes, shape (F, S).
+        setting: The face and the training data.
+        frames: Test frames as weights of the character's shapes, shape (F, S).
     """
 
     setting: StudyContext
@@ -58,12 +58,12 @@ class Bench:
     _trials: tuple[object, list[Trial]] = (None, [])
 
     def __post_init__(self) -> None:
-        """Get ready to make and judge trials."""
+        """Initialise the maker and the evaluator of trials."""
         self._maker = TrialMaker(self.setting)
-        self._judge = Evaluator(self.setting, self.frames)
+        self._evaluator = Evaluator(self.setting, self.frames)
 
     def method(self, name: str) -> Method | None:
-        """Return the technique ``name``, prepared when it is first asked for, or None if it cannot be run here."""
+        """Return the technique ``name``, prepared on first use, or None if it cannot be run on this machine."""
         if name not in self._methods and name not in self._skipped:
             sentence = unavailable(name)
             if sentence is None:
@@ -76,15 +76,15 @@ class Bench:
         return self._methods.get(name)
 
     def trials(self, cell: Cell, seed: int, least: int) -> list[Trial]:
-        """Return the first trials of ``cell``, at least so many if the take has them."""
-        key, known = self._trials
-        if key != (cell, seed) or len(known) < least:
-            known = list(self._maker.trials(cell, self.frames, least, seed))
-            self._trials = ((cell, seed), known)
-        return known
+        """Return the first trials of ``cell``, at least ``least`` if the take has enough frames."""
+        key, trials = self._trials
+        if key != (cell, seed) or len(trials) < least:
+            trials = list(self._maker.trials(cell, self.frames, least, seed))
+            self._trials = ((cell, seed), trials)
+        return trials
 
-    def run(self, task: Task) -> Done:
-        """Return what comes of ``task``: all methods do each trial in turn, on the same machine load."""
+    def run(self, task: Task) -> TaskResult:
+        """Run ``task``; all methods run each trial in turn, so that they share the same machine load."""
         methods = {name: method for name in task.missing if (method := self.method(name)) is not None}
         numbers = sorted({number for name in methods for number in task.missing[name]})
         trials = self.trials(task.cell, task.seed, numbers[-1] + 1) if numbers else []
@@ -95,17 +95,17 @@ class Bench:
             for name, method in methods.items():
                 if number in task.missing[name]:
                     scores[name][number] = self._score(name, method, task.cell, trials[number])
-        return Done(task, scores, {name: self._skipped[name] for name in task.missing if name in self._skipped})
+        return TaskResult(task, scores, {name: self._skipped[name] for name in task.missing if name in self._skipped})
 
     def _score(self, name: str, method: Method, cell: Cell, trial: Trial) -> Score:
         if (name, cell.constraint) not in self._warm:
-            # What is loaded and remembered at a first solve is no part of any.
+            # Loading and caching during the first solve are excluded from the time.
             method.solve(trial.constraints)
             self._warm.add((name, cell.constraint))
         began = time.perf_counter()
         found = method.solve(trial.constraints)
         ms = (time.perf_counter() - began) * 1e3
-        return self._judge.score(trial, method.vertices(found), ms)
+        return self._evaluator.score(trial, method.vertices(found), ms)
 
 
 def unavailable(name: str) -> str | None:
@@ -113,63 +113,66 @@ def unavailable(name: str) -> str | None:
     package = METHODS[name].requires
     if package is None or importlib.util.find_spec(package) is not None:
         return None
-    return f"'{name}' is left out, for it needs the package '{package}': pip install 'faceposer[bench]'."
+    return f"'{name}' is left out, because it needs the package '{package}': pip install 'faceposer[bench]'."
 
 
-def run_plan(source: Source, plan: Plan, log: TrialLog, jobs: int, show: Show) -> dict[str, str]:
-    """Do what ``log`` does not have of ``plan``, and return the methods that were left out, with the reasons.
+def run_plan(source: Source, plan: Plan, log: TrialLog, jobs: int, progress: Progress) -> dict[str, str]:
+    """Run the trials of ``plan`` that ``log`` lacks, and return the methods that were left out, with the reasons.
 
     Args:
-        source: What is learned from and tested on.
-        plan: What is to be done.
-        log: Has what is done, and gets the rest.
-        jobs: Number of processes; what they find does not depend on it.
-        show: Is told of the progress.
+        source: Training and test data.
+        plan: The plan.
+        log: Log of finished trials, to which new ones are added.
+        jobs: Number of processes; results do not depend on it.
+        progress: Progress; a cancelled study keeps its finished trials.
 
     Raises:
+        CancelledError: If the user has cancelled the work.
         FacePoserError: If a file cannot be used, or a process was killed.
     """
     skipped = {name: sentence for name in plan.methods if (sentence := unavailable(name)) is not None}
-    able = Plan(tuple(name for name in plan.methods if name not in skipped), plan.cells, plan.trials, plan.seeds)
-    tasks = list(able.tasks(log.scores))
-    show(0, len(tasks))
+    available = Plan(tuple(name for name in plan.methods if name not in skipped), plan.cells, plan.trials, plan.seeds)
+    tasks = list(available.tasks(log.scores))
     if not tasks:
         return skipped
-    done = _here(source, tasks) if jobs == 1 or len(tasks) == 1 else _beside(source, tasks, jobs)
+    progress.at("Training the techniques, about a minute")
+    done = _run_serially(source, tasks) if jobs == 1 or len(tasks) == 1 else _run_in_pool(source, tasks, jobs)
     for number, result in enumerate(done, start=1):
         for method, scores in result.scores.items():
             log.add(method, result.task.cell, result.task.seed, scores)
         skipped |= result.skipped
-        show(number, len(tasks))
+        if number < len(tasks):
+            progress.at("Trials", number / len(tasks))
+    progress.at("All trials are done.", 1.0)
     return skipped
 
 
-def _here(source: Source, tasks: list[Task]) -> Iterator[Done]:
-    bench = Bench(*source.load())
+def _run_serially(source: Source, tasks: list[Task]) -> Iterator[TaskResult]:
+    runner = TrialRunner(*source.load())
     for task in tasks:
-        yield bench.run(task)
+        yield runner.run(task)
 
 
-_bench: Bench | None = None
+_runner: TrialRunner | None = None
 
 
 def _prepare(source: Source) -> None:
-    global _bench  # noqa: PLW0603 - what a process of the pool keeps from task to task
-    _bench = Bench(*source.load())
+    global _runner  # noqa: PLW0603 - state of a pool process between tasks
+    _runner = TrialRunner(*source.load())
 
 
-def _run(task: Task) -> Done:
-    assert _bench is not None
-    return _bench.run(task)
+def _run(task: Task) -> TaskResult:
+    assert _runner is not None
+    return _runner.run(task)
 
 
-def _beside(source: Source, tasks: list[Task], jobs: int) -> Iterator[Done]:
-    left = iter(tasks)
+def _run_in_pool(source: Source, tasks: list[Task], jobs: int) -> Iterator[TaskResult]:
+    remaining = iter(tasks)
     with processes(min(jobs, len(tasks)), _prepare, source) as executor:
-        # Few are handed out at a time, in order, so that what is noted when the study is stopped is whole cells.
-        pending = {executor.submit(_run, task) for task in islice(left, 2 * jobs)}
+        # Few tasks are submitted at a time, in order, so that a stopped study has complete cells.
+        pending = {executor.submit(_run, task) for task in islice(remaining, 2 * jobs)}
         while pending:
             finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-            pending |= {executor.submit(_run, task) for task in islice(left, len(finished))}
+            pending |= {executor.submit(_run, task) for task in islice(remaining, len(finished))}
             for future in finished:
                 yield future.result()

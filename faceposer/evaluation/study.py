@@ -1,4 +1,4 @@
-"""A whole study: its settings, its trials, and the files that it leaves in its folder."""
+"""A study: its settings, its trials, and the files in its folder."""
 
 import contextlib
 import hashlib
@@ -17,19 +17,20 @@ from faceposer.errors import FacePoserError
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.plan import Plan
 from faceposer.evaluation.rows import Row, csv_of, rows_of
-from faceposer.evaluation.running import Show, run_plan
+from faceposer.evaluation.running import run_plan
 from faceposer.evaluation.setting import SIZE
 from faceposer.evaluation.tables import error_tables, other_tables, time_table
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import Scores, TrialLog
 from faceposer.files.atomic import write_text
 from faceposer.model.character import Character
+from faceposer.progress import Progress
 
-#: Files of a study.
+#: File names of a study.
 LOG, RESULTS, TABLE, TABLES = "trials.jsonl", "results.json", "results.csv", "tables.md"
-#: What ``results.json`` says that it is.
+#: Format and version of ``results.json``.
 FORMAT, VERSION = "faceposer.evaluation", 1
-# What scores depend on of the program itself; how they are shown may change without new trials.
+# Packages and modules on which scores depend; reporting may change without new trials.
 _CODE = ("geometry", "model", "solve", "training", "evaluation/methods")
 _CODE_FILES = ("feature_lines", "measures", "setting", "takes", "trials")
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "matplotlib", "eos-py", "libigl")
@@ -37,12 +38,12 @@ _PACKAGES = ("numpy", "scipy", "scikit-learn", "matplotlib", "eos-py", "libigl")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a study.
+    """Results of a study.
 
     Attributes:
-        rows: Of the table.
-        left_out: Methods that cannot be run here, each with a sentence that says why.
-        scores: Of all trials.
+        rows: Rows of the table.
+        left_out: Methods that cannot be run on this machine, each with the reason as a sentence.
+        scores: Scores of all trials.
     """
 
     rows: list[Row]
@@ -52,13 +53,13 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Study:
-    """What is done, and where.
+    """Specification of a study.
 
     Attributes:
-        source: What is learned from and tested on.
-        plan: The cells.
-        folder: Where its files are.
-        command: The words that repeat it.
+        source: Training and test data.
+        plan: Methods and cells.
+        folder: Folder of its files.
+        command: Command line that repeats it.
     """
 
     source: Source
@@ -67,7 +68,7 @@ class Study:
     command: str
 
     def settings(self, character: Character) -> dict[str, Any]:
-        """Return all that scores depend on but the cell, for JSON: with other settings they are another study's."""
+        """Return everything except the cell on which scores depend, for JSON; it identifies the study."""
         return {
             **self.source.identity(character),
             "picture": list(SIZE),
@@ -75,21 +76,27 @@ class Study:
             "program_sha256": program_checksum(),
         }
 
-    def run(self, character: Character, jobs: int, show: Show, restart: bool = False) -> Outcome:
-        """Do what is left to do, and write what came of it.
+    def run(self, character: Character, jobs: int, progress: Progress, restart: bool = False) -> Outcome:
+        """Run the remaining trials and write the results.
+
+        Args:
+            character: The face.
+            jobs: Number of processes.
+            progress: Progress; a cancelled study keeps its finished trials.
+            restart: Discard the trials in the folder.
 
         Raises:
-            FacePoserError: If the folder has another study's trials, a file cannot be used, or a process was ended.
+            FacePoserError: If the folder has trials of another study, a file cannot be used, or a process was killed.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FacePoserError(
-                f"The folder '{self.folder}' cannot be made ({error.strerror}); choose another with --output."
+                f"The folder '{self.folder}' cannot be created ({error.strerror}); choose another with --output."
             ) from error
         settings = self.settings(character)
         log = TrialLog(self.folder / LOG, settings, restart)
-        skipped = run_plan(self.source, self.plan, log, jobs, show)
+        skipped = run_plan(self.source, self.plan, log, jobs, progress)
         rows = rows_of(log.scores, self.plan)
         about = {
             "format": FORMAT,
@@ -111,20 +118,20 @@ class Study:
 
 
 def program_checksum() -> str:
-    """Return a checksum of the sources that scores depend on."""
+    """Return a checksum of the source files on which scores depend."""
     root = Path(faceposer.__file__).parent
     paths = [path for part in _CODE for path in sorted((root / part).rglob("*.py"))]
     paths += [root / "evaluation" / f"{name}.py" for name in _CODE_FILES]
     digest = hashlib.sha256()
     for path in paths:
         digest.update(path.relative_to(root).as_posix().encode() + b"\0")
-        # Checkouts may differ in how lines end.
+        # Checkouts may differ in line endings.
         digest.update(path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return digest.hexdigest()
 
 
 def machine(jobs: int) -> dict[str, Any]:
-    """Return what times depend on, and the versions of all that takes part, for JSON."""
+    """Return the properties of the machine on which times depend, and the versions of all packages, for JSON."""
     model = ""
     with contextlib.suppress(OSError):
         found = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text(encoding="utf-8"))

@@ -1,10 +1,10 @@
-"""Rows as Markdown tables: methods by counts."""
+"""Markdown tables of rows: methods by numbers of constraints."""
 
 from collections.abc import Callable, Sequence
 
 from faceposer.evaluation.rows import Row
 
-#: The cells of the paper's Table II.
+#: Cells of the paper's Table II.
 TIMED: tuple[tuple[str, int, str], ...] = (
     ("point", 4, "4 points"),
     ("distance", 4, "4 distances"),
@@ -15,14 +15,14 @@ _PLURALS = {"point": "points", "distance": "distances", "stroke": "strokes (pixe
 _WORSE = "Share of trials that end worse than the neutral face"
 
 LEGEND = (
-    "3D error as the sum over the trials divided by the neutral face's; **lowest** of the column; † within the 95 % "
-    "interval of the lowest: of the difference between the two relative errors over the same trials, drawn anew 2000 "
-    "times, the 95 % interval does not lie above 0."
+    "3D error, summed over the trials and divided by that of the neutral face; **lowest** of the column; † not "
+    "significantly above the lowest: the 95 % interval of the difference between the two relative errors over the same "
+    "trials (bootstrap, 2000 resamples) is not above 0."
 )
 
 
 def error_tables(rows: Sequence[Row], legend: bool = True) -> str:
-    """Return the tables of relative 3D errors, one for each noise, with the regions' below, after the ``legend``."""
+    """Return the tables of relative 3D errors for each noise level, with those of regions below, after the legend."""
     parts = [LEGEND] if legend else []
     for noise in _noises(rows):
         of_noise = [row for row in rows if row["noise_px"] == noise]
@@ -38,7 +38,7 @@ def error_tables(rows: Sequence[Row], legend: bool = True) -> str:
 
 
 def time_table(rows: Sequence[Row]) -> str:
-    """Return the median times of the paper's Table II, in ms, of the first noise that there is; "" if none is."""
+    """Return the table of median times, in ms, as in the paper's Table II, at the first noise level, or ""."""
     timed = timed_rows(rows)
     if not timed:
         return ""
@@ -46,7 +46,7 @@ def time_table(rows: Sequence[Row]) -> str:
 
 
 def timed_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows of the paper's Table II, of the first noise that there is."""
+    """Return the rows of the paper's Table II for the first noise level."""
     cells = {(kind, count) for kind, count, _ in TIMED}
     noises = _noises(rows)
     return [
@@ -57,7 +57,7 @@ def timed_rows(rows: Sequence[Row]) -> list[Row]:
 
 
 def share_tables(rows: Sequence[Row]) -> str:
-    """Return the tables of the shares of trials that end worse than the neutral face, one for each noise."""
+    """Return the tables of the share of trials that end worse than the neutral face, one for each noise level."""
     parts = []
     for noise in _noises(rows):
         of_noise = [row for row in rows if row["noise_px"] == noise and "region" not in row]
@@ -67,7 +67,7 @@ def share_tables(rows: Sequence[Row]) -> str:
 
 
 def other_tables(rows: Sequence[Row]) -> str:
-    """Return the tables of the other measures, one for each noise."""
+    """Return the tables of the other measures for each noise level."""
     parts = []
     measures: tuple[tuple[str, Callable[[Row], str]], ...] = (
         (_WORSE, _share),
@@ -88,8 +88,8 @@ def other_tables(rows: Sequence[Row]) -> str:
 
 
 def targets(noise_px: float) -> str:
-    """Return in words how targets are given with ``noise_px``."""
-    return f"targets off by {noise_px:g} px" if noise_px else "exact targets"
+    """Describe targets with the noise ``noise_px``, a standard deviation in pixels."""
+    return f"target noise {noise_px:g} px" if noise_px else "exact targets"
 
 
 def _noises(rows: Sequence[Row]) -> list[float]:
@@ -116,7 +116,13 @@ def _ms(row: Row) -> str:
 
 
 def _table(rows: Sequence[Row], text: Callable[[Row], str], heads: str = "kind") -> str:
-    """Return ``rows`` as a table: a line for each method, a column for each cell."""
+    """Return ``rows`` as a table with a line for each method and a column for each cell.
+
+    Args:
+        rows: The rows.
+        text: Returns the text of a row's table cell.
+        heads: "count" to name the kind in the head of every column, "kind" only where it changes.
+    """
     columns = list(dict.fromkeys((row["constraint"], row["count"], row.get("region")) for row in rows))
     methods = list(dict.fromkeys(row["method"] for row in rows))
     cells = {(row["method"], row["constraint"], row["count"], row.get("region")): text(row) for row in rows}

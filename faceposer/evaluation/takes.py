@@ -1,4 +1,4 @@
-"""Performances as a study wants them: read, cleaned of tracking errors but not of sparse frames, split into folds."""
+"""Performances of a study: read, cleaned of tracking errors unless frames are sparse, and split into folds."""
 
 import csv
 import hashlib
@@ -23,38 +23,39 @@ from faceposer.training.expressions import Recipe, clean
 Array = NDArray[np.float64]
 Sparse = Literal["auto", "yes", "no"]
 
-#: Shares of a take, from its first frame, that the folds learn from and test on. Between the two a gap is left out,
-#: since neighbouring frames are alike.
+#: Ranges of a take, as shares of its frames, that each fold learns from and tests on. The gap in between is not used,
+#: since neighbouring frames are similar.
 FOLDS: dict[int, tuple[tuple[float, float], tuple[float, float]]] = {
     1: ((0.0, 0.60), (0.62, 1.0)),
     2: ((0.40, 1.0), (0.0, 0.38)),
 }
-# A take with fewer frames a second is sparse: between two of its frames a face may do anything.
+# Frames per second below which a take is sparse: a face can change arbitrarily between two of its frames.
 _SPARSE_RATE = 10
-# Where no times tell, a take is sparse if so many of its frames seem to jump.
+# Share of frames that seem to jump above which a take without timestamps is sparse.
 _SPARSE_SHARE = 0.2
-# Jumps that no weight can make.
+# A threshold for jumps that no weight reaches.
 _NO_JUMP = 1e9
-# The rate up to which a recipe's ``jump`` is the change between two frames: at twice the rate motion has half of it.
+# Frame rate up to which a recipe's ``jump`` is the change between two frames; at twice the rate, it is half of it.
 _JUMP_RATE = 30.0
 
 
 @dataclass(frozen=True)
 class Source:
-    """What a study learns from and is tested on, by name.
+    """Training and test data of a study, by file name.
 
     Attributes:
         character: Name or file of the face.
         captures: Files to learn from.
-        tests: Files to test on; those to learn from if there is a ``fold``.
-        recipe: How the shipped prior is learned.
+        tests: Files to test on; ignored with a ``fold``.
+        recipe: Recipe of the shipped prior.
         fold: Number of a fold of the captures, or None to learn from all of them and test on ``tests``.
-        sparse: Whether the frames of a take are too far apart for jumps to tell of tracking errors; "auto" looks.
-        performers: Name of the performer of each of the ``captures``; if left out, all are of one.
-        left_out: Name of the performer of the ``tests`` where performers are left out in turn, else None.
-        within: Name of the only performer whose takes a ``fold`` splits; the others' are wholly learned from. None to
-            split all takes.
-        contact: Whether faces are measured after the contact step.
+        sparse: "yes" if frames are too far apart in time for jumps to indicate tracking errors; "auto" decides by the
+            timestamps.
+        performers: Name of the performer of each of the ``captures``; empty if all are of one performer.
+        left_out: Name of the performer of the ``tests`` in leave-one-out studies, else None.
+        within: Name of the only performer whose takes are split by ``fold``; those of others are used for learning as
+            a whole. None to split all takes.
+        contact: True if faces are measured after the contact step.
     """
 
     character: str
@@ -69,22 +70,22 @@ class Source:
     contact: bool = False
 
     def load(self) -> tuple[StudyContext, Array]:
-        """Return the setting, and the frames to test on as weights of the character's shapes, shape (F, S).
+        """Return the setting, and the test frames as weights of the character's shapes, shape (F, S).
 
         Raises:
             FacePoserError: If a file cannot be read, or the character has none of ARKit's shapes.
         """
         character = load_character(self.character)
-        # Each take is cleaned as it needs; the recipe then finds nothing left to drop.
+        # Takes are cleaned here, individually, so that the recipe need not drop jumps.
         recipe = replace(self.recipe, jump=_NO_JUMP)
         learned = [steady(path, self.recipe.jump, self.sparse) for path in self.captures]
         if self.fold is None:
             tests = [steady(path, self.recipe.jump, self.sparse) for path in self.tests]
         else:
             first, second = FOLDS[self.fold]
-            split = [self.within in (None, name) for name in self._owners]
-            tests = [_part(take, second) for take, parts in zip(learned, split, strict=True) if parts]
-            learned = [_part(take, first) if parts else take for take, parts in zip(learned, split, strict=True)]
+            is_split = [self.within in (None, name) for name in self._owners]
+            tests = [_part(take, second) for take, split in zip(learned, is_split, strict=True) if split]
+            learned = [_part(take, first) if split else take for take, split in zip(learned, is_split, strict=True)]
         setting = replace(StudyContext.of(character, learned, recipe, self.performers), contact=self.contact)
         return setting, setting.rig_weights(np.concatenate([clean(take, recipe) for take in tests]))
 
@@ -93,7 +94,7 @@ class Source:
         return self.performers or ("",) * len(self.captures)
 
     def identity(self, character: Character) -> dict[str, object]:
-        """Return what tells this source from another, for JSON: checksums of what is in the files, not their names.
+        """Return the identity of this data, for JSON: checksums of the contents of files.
 
         Raises:
             FacePoserError: If a file cannot be read.
@@ -114,35 +115,35 @@ class Source:
             "fold": self.fold,
             "fold_within": self.within,
             "sparse": self.sparse,
-            # Absent from studies without it, so that those of older versions go on.
+            # Omitted without contact, so that studies of older versions can be continued.
             **({"contact": True} if self.contact else {}),
             "recipe": {name: getattr(self.recipe, name) for name in self.recipe.__dataclass_fields__},
         }
 
 
 def steady(path: Path, jump: float, sparse: Sparse = "auto") -> Capture:
-    """Return the take in ``path`` with all of ARKit's shapes, without frames that ``jump`` if it is not sparse.
+    """Read a take with all of ARKit's shapes, without frames that jump unless it is sparse.
 
     Args:
-        path: Of the take.
-        jump: Change of a weight between two frames, at up to 30 frames a second, that is taken for a tracking error; of
-            takes with more frames a second, as much less as there are more.
-        sparse: Whether its frames are too far apart for that.
+        path: File of the take.
+        jump: Change of a weight between two frames that indicates a tracking error, at up to 30 frames per second; at
+            higher rates, it is scaled down in proportion.
+        sparse: "yes" if frames are too far apart in time for this test; "auto" decides by the timestamps.
 
     Raises:
         FacePoserError: If the file cannot be read as a capture.
     """
     take = read_capture(path).with_shapes(ARKIT_SHAPES)
     rate = frames_a_second(path)
-    without = take.without_jumps(jump * min(1.0, _JUMP_RATE / (rate or _JUMP_RATE)))
+    cleaned = take.without_jumps(jump * min(1.0, _JUMP_RATE / (rate or _JUMP_RATE)))
     if sparse == "auto":
-        dropped = 1.0 - len(without.weights) / len(take.weights)
+        dropped = 1.0 - len(cleaned.weights) / len(take.weights)
         sparse = "yes" if (rate is not None and rate < _SPARSE_RATE) or dropped > _SPARSE_SHARE else "no"
-    return take if sparse == "yes" else without
+    return take if sparse == "yes" else cleaned
 
 
 def frames_a_second(path: Path) -> float | None:
-    """Return how many frames of the take in ``path`` fall into one second by its times, or None where it has none."""
+    """Return the median number of frames per second of the take in ``path``, or None without timestamps."""
     seconds: Counter[str] = Counter()
     with open_text(path, "utf-8-sig", newline="") as file:
         for cells in csv.reader(file):
@@ -158,8 +159,8 @@ def _part(take: Capture, shares: Sequence[float]) -> Capture:
     begin, end = (round(share * len(take.weights)) for share in shares)
     if end - begin < 2:
         raise FacePoserError(
-            f"A capture of {len(take.weights)} frames is too short to learn from one part and test on another; "
-            "give a longer one, or another to test on with --capture-test."
+            f"A capture of {len(take.weights)} frames is too short to be split into training and test frames; give a "
+            "longer one, or test on another with --capture-test."
         )
     return replace(take, weights=take.weights[begin:end])
 

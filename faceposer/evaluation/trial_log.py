@@ -1,7 +1,7 @@
-"""The file of finished trials, which a study that was stopped goes on from.
+"""Log of finished trials, from which a stopped study continues.
 
-Its first line says which study it is; every other line has the scores of some trials of one technique. Lines are only
-ever added, each in one write, so that whatever stops the program costs the line being written at most.
+The first line identifies the study; every other line has the scores of some trials of one technique. Lines are only
+appended, each in a single write, so that an interruption loses at most the line being written.
 """
 
 import hashlib
@@ -18,79 +18,79 @@ from faceposer.files import paths
 from faceposer.files.atomic import write_text
 from faceposer.files.reading import read_bytes
 
-#: Scores by method, cell and seed, then by number of the trial.
+#: Scores by method, cell and seed, then by the number of the trial.
 Scores = dict[tuple[str, Cell, int], dict[int, Score]]
 
 _FORMAT, _VERSION = "faceposer.evaluation.trials", 1
-# Digits that are kept of a measure: more than any table shows, and few enough for a file of megabytes.
+# Significant digits of stored measures: more than any table shows, and few enough to keep the file small.
 _DIGITS = 6
 
 
 class TrialLog:
-    """The finished trials of one study, in memory and on the disk.
+    """Finished trials of one study, in memory and on disk.
 
     Attributes:
         path: The file.
-        scores: What is in it.
+        scores: Scores in the file.
     """
 
     def __init__(self, path: Path, settings: Mapping[str, Any], restart: bool = False) -> None:
-        """Open the file ``path`` of the study with these ``settings``, or begin it.
+        """Open the log of a study, or create it.
 
         Args:
-            path: The file; its folder exists.
-            settings: All that the scores depend on, for JSON.
-            restart: Whether to begin anew, whatever there is.
+            path: The file, in an existing folder.
+            settings: Everything on which the scores depend, for JSON.
+            restart: Discard an existing log.
 
         Raises:
-            FacePoserError: If the file is of another study, is no such file, or cannot be read or written.
+            FacePoserError: If the file belongs to another study, is not a log, or cannot be read or written.
         """
         self.path = path
         self.scores: Scores = {}
         header = {"format": _FORMAT, "version": _VERSION, "sha256": _hash(settings), "settings": settings}
         try:
-            lines = [] if restart or not paths.exists(path) else self._whole_lines()
+            lines = [] if restart or not paths.exists(path) else self._complete_lines()
             if lines:
                 self._check(lines[0], header)
                 for number, line in enumerate(lines[1:], start=2):
-                    self._take(line, number)
+                    self._add_record(line, number)
             else:
-                self._begin(header)
+                self._create(header)
         except OSError as error:
-            raise self._unusable(error) from error
+            raise self._file_error(error) from error
 
-    def _whole_lines(self) -> list[bytes]:
-        """Return the lines that were written to their end, and cut off what comes after them."""
+    def _complete_lines(self) -> list[bytes]:
+        """Return the complete lines, and truncate the file after them."""
         data = read_bytes(self.path)
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):
-            os.truncate(self.path, whole)
-        return data[:whole].splitlines()
+        length = data.rfind(b"\n") + 1
+        if length < len(data):
+            os.truncate(self.path, length)
+        return data[:length].splitlines()
 
-    def _begin(self, header: Mapping[str, Any]) -> None:
-        write_text(self.path, json.dumps(header) + "\n", "file of trials")
+    def _create(self, header: Mapping[str, Any]) -> None:
+        write_text(self.path, json.dumps(header) + "\n", "trial log")
 
     def _check(self, line: bytes, header: Mapping[str, Any]) -> None:
         try:
-            found = json.loads(line)
-            same_format = (found["format"], found["version"]) == (_FORMAT, _VERSION)
-            checksum = found["sha256"]
-            settings = dict(found["settings"])
+            existing = json.loads(line)
+            same_format = (existing["format"], existing["version"]) == (_FORMAT, _VERSION)
+            checksum = existing["sha256"]
+            settings = dict(existing["settings"])
         except (ValueError, KeyError, TypeError):
             same_format, checksum, settings = False, "", {}
         if not same_format:
             raise FacePoserError(
-                f"'{self.path}' is no file of trials; choose another folder, or begin anew with --restart."
+                f"'{self.path}' is not a trial log; choose another folder, or start again with --restart."
             )
         if checksum != header["sha256"]:
-            wanted = header["settings"]
-            other = [name for name in wanted if settings.get(name) != json.loads(json.dumps(wanted[name]))]
+            expected = header["settings"]
+            different = [name for name in expected if settings.get(name) != json.loads(json.dumps(expected[name]))]
             raise FacePoserError(
-                f"The trials in '{self.path}' are of a study with other settings ({', '.join(other) or 'unknown'}); "
-                "choose another folder, or begin anew with --restart."
+                f"The trials in '{self.path}' belong to a study with other settings "
+                f"({', '.join(different) or 'unknown'}); choose another folder, or start again with --restart."
             )
 
-    def _take(self, line: bytes, number: int) -> None:
+    def _add_record(self, line: bytes, number: int) -> None:
         try:
             record = json.loads(line)
             cell = Cell(record["constraint"], record["count"], record["noise_px"], record["region"])
@@ -98,12 +98,12 @@ class TrialLog:
             scores = dict(zip(record["trials"], _scores_of(record), strict=True))
         except (ValueError, KeyError, TypeError) as error:
             raise FacePoserError(
-                f"Line {number} of '{self.path}' is damaged; delete the line, or begin anew with --restart."
+                f"Line {number} of '{self.path}' is damaged; delete the line, or start again with --restart."
             ) from error
         self.scores.setdefault(key, {}).update(scores)
 
     def add(self, method: str, cell: Cell, seed: int, scores: Mapping[int, Score]) -> None:
-        """Note the ``scores`` of trials, by their numbers, that ``method`` has done.
+        """Append the ``scores`` of ``method``, keyed by the number of the trial.
 
         Raises:
             FacePoserError: If the file cannot be written.
@@ -125,14 +125,12 @@ class TrialLog:
             with self.path.open("ab", buffering=0) as file:
                 file.write(data)
         except OSError as error:
-            raise self._unusable(error) from error
-        # From the record, so that a study that goes on has the same numbers to the last digit.
-        self._take(data, 0)
+            raise self._file_error(error) from error
+        # Parsed from the record, so that a continued study has the same numbers to the last digit.
+        self._add_record(data, 0)
 
-    def _unusable(self, error: OSError) -> FacePoserError:
-        return FacePoserError(
-            f"The file of trials '{self.path}' cannot be used ({error.strerror}); choose another folder."
-        )
+    def _file_error(self, error: OSError) -> FacePoserError:
+        return FacePoserError(f"The trial log '{self.path}' cannot be used ({error.strerror}); choose another folder.")
 
 
 _COLUMNS = ("error", "neutral_error", "error_2d_px", "to_real", "log_likelihood", "ms")
@@ -151,7 +149,7 @@ def _scores_of(record: Mapping[str, Any]) -> list[Score]:
     rows = zip(*(record[name] for name in _COLUMNS), strict=True)
     return [
         Score(
-            by_region={name: (both[0][i], both[1][i]) for name, both in record["by_region"].items()},
+            by_region={name: (pair[0][i], pair[1][i]) for name, pair in record["by_region"].items()},
             **dict(zip(_COLUMNS, row, strict=True)),
         )
         for i, row in enumerate(rows)

@@ -1,4 +1,4 @@
-"""Finds the parameters of each technique on two folds of the takes to learn from; the test take is never looked at."""
+"""Tuning of each technique's parameters on two folds of the training takes, without the test take."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -18,9 +18,9 @@ from faceposer.evaluation.takes import FOLDS, Source
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
 from faceposer.files.atomic import write_text
 
-#: The file of the result.
+#: File name of the result.
 TUNED = "tuned.json"
-#: Few and many constraints of each kind, given as a hand gives them.
+#: Few and many constraints of each kind, with the noise of a hand.
 CELLS = (
     Cell("point", 2, 1.5),
     Cell("point", 8, 1.5),
@@ -30,10 +30,10 @@ CELLS = (
     Cell("stroke", 450, 1.5),
 )
 TRIALS = 30
-# Times that all parameters are gone through, at most; the last brings no change.
+# Largest number of passes over all parameters.
 _ROUNDS = 2
-# What is better by a smaller share is not: more steps of a search that has converged.
-_BETTER = 1e-4
+# Smallest relative improvement of the score that counts.
+_MIN_IMPROVEMENT = 1e-4
 
 Say = Callable[[str], None]
 Tuned = dict[str, Any]
@@ -41,11 +41,11 @@ Tuned = dict[str, Any]
 
 @dataclass
 class Fold:
-    """One fold of the takes to learn from, with the trials that are made of it once.
+    """One fold of the training takes, with trials made once.
 
     Attributes:
-        setting: What is learned from.
-        trials: By cell.
+        setting: The face and the training data.
+        trials: Trials by cell.
     """
 
     setting: StudyContext
@@ -53,34 +53,34 @@ class Fold:
 
     @classmethod
     def of(cls, source: Source, number: int, cells: Sequence[Cell], trials: int, seed: int) -> "Fold":
-        """Return the fold of this ``number``, with so many ``trials`` of each of the ``cells``."""
+        """Return the fold ``number`` with the given number of ``trials`` of each of the ``cells``."""
         setting, frames = replace(source, fold=number).load()
         maker = TrialMaker(setting)
         return cls(setting, {cell: list(maker.trials(cell, frames, trials, seed)) for cell in cells})
 
     def relative_errors(self, method: Method) -> list[float]:
-        """Return the relative 3D error of ``method`` in each cell that it can do."""
+        """Return the relative 3D error of ``method`` in each cell that it supports."""
         errors = []
         for cell, all_of_cell in self.trials.items():
             trials = all_of_cell[: method.max_trials]
             if cell.constraint in method.kinds and trials:
-                found = [method.vertices(method.solve(trial.constraints)) for trial in trials]
+                results = [method.vertices(method.solve(trial.constraints)) for trial in trials]
                 neutral = [self.setting.character.vertices] * len(trials)
-                errors.append(self._sum(trials, found) / self._sum(trials, neutral))
+                errors.append(self._total_error(trials, results) / self._total_error(trials, neutral))
         return errors
 
-    def _sum(self, trials: Sequence[Trial], found: Sequence[Any]) -> float:
+    def _total_error(self, trials: Sequence[Trial], results: Sequence[Any]) -> float:
         return sum(
             float(np.linalg.norm(np.asarray(vertices) - self.setting.vertices_of(trial.weights), axis=1).mean())
-            for trial, vertices in zip(trials, found, strict=True)
+            for trial, vertices in zip(trials, results, strict=True)
         )
 
 
 def search(kind: type[Method], score: Callable[[Parameters], float]) -> Tuned:
-    """Return the parameters of ``kind`` with the lowest ``score``, found one parameter after another.
+    """Minimise the ``score`` of ``kind`` over its parameters by coordinate descent.
 
-    The search begins at the class's own parameters, changes one at a time to the best value of its grid, and goes
-    through all of them again until nothing changes, twice at most. Nothing is tried twice.
+    The search starts at the parameters of the class, sets one at a time to the best value of its grid, and repeats the
+    pass until nothing changes, at most twice. Scores are cached.
     """
     tried: dict[str, tuple[Parameters, float]] = {}
 
@@ -96,13 +96,13 @@ def search(kind: type[Method], score: Callable[[Parameters], float]) -> Tuned:
         before = dict(best)
         for name, values in kind.grid.items():
             for value in values:
-                changed = {**best, name: value}
-                found = scored(changed)
-                if found < (1.0 - _BETTER) * lowest:
-                    best, lowest = changed, found
+                candidate = {**best, name: value}
+                candidate_score = scored(candidate)
+                if candidate_score < (1.0 - _MIN_IMPROVEMENT) * lowest:
+                    best, lowest = candidate, candidate_score
         if best == before:
             break
-    # A best value at an end of its grid says that the grid should be wider, unless there is nothing beyond.
+    # A best value at an end of its grid indicates that the grid is too narrow, unless the end is natural.
     ends = [name for name, values in kind.grid.items() if _at_end(best[name], values)]
     natural = [name for name in ends if best[name] in kind.natural_ends.get(name, ())]
     return {
@@ -120,14 +120,14 @@ def _at_end(value: Any, values: Sequence[Any]) -> bool:
 
 
 def end_warning(name: str, found: Tuned) -> str | None:
-    """Return the sentence that says which values ``found`` for the technique ``name`` want a wider grid, if any."""
+    """Return a warning about the values ``found`` for the technique ``name`` at ends of their grids, or None."""
     ends = [f"{key}={found['parameters'][key]:g}" for key in found["at_end_of_grid"]]
     if not ends:
         return None
-    return f"{name}: {' and '.join(ends)} at the end of the grid, beyond which there may be better; offer wider ones."
+    return f"{name}: {' and '.join(ends)} at the end of the grid; better values may be beyond it, so widen the grid."
 
 
-# What a process keeps from one technique to the next.
+# State of a process between techniques.
 _folds: list[Fold] = []
 
 
@@ -136,7 +136,7 @@ def _prepare(source: Source, cells: Sequence[Cell], trials: int, seed: int) -> N
 
 
 def _tune_one(name: str) -> Tuned | str:
-    """Return what was found for the technique ``name``, or the sentence that says why it is left out."""
+    """Return the result for the technique ``name``, or a sentence with the reason why it is left out."""
     kind = METHODS[name]
     if sentence := unavailable(name):
         return sentence
@@ -157,27 +157,27 @@ def tune(
     """Return the best parameters of the ``methods``, by the geometric mean of the relative 3D error.
 
     Args:
-        source: Its ``captures`` are what is learned from; its tests are not looked at.
+        source: Data, of which only the ``captures`` are used.
         methods: Names of techniques.
-        kinds: Of constraints.
-        trials: Of each cell and fold; None for the usual number.
-        seed: Of the trials.
-        jobs: Number of processes, each with techniques of its own.
-        say: Is told of each technique that is done or left out.
+        kinds: Kinds of constraints.
+        trials: Trials of each cell and fold; None for the default number.
+        seed: Seed of the trials.
+        jobs: Number of processes, among which the techniques are distributed.
+        say: Callback for a line about each technique that is finished or left out.
 
     Raises:
         FacePoserError: If a take cannot be read or is too short for folds.
     """
     cells = tuple(cell for cell in CELLS if cell.constraint in kinds)
-    given = (source, cells, trials or TRIALS, seed)
+    arguments = (source, cells, trials or TRIALS, seed)
     tuned: dict[str, Tuned] = {}
     if jobs == 1 or len(methods) == 1:
-        _prepare(*given)
+        _prepare(*arguments)
         results = map(_tune_one, methods)
         _gather(methods, results, tuned, say)
         return tuned
-    # One technique at a time: some take minutes, others seconds.
-    with processes(min(jobs, len(methods)), _prepare, *given) as executor:
+    # One technique per call: some take minutes, others seconds.
+    with processes(min(jobs, len(methods)), _prepare, *arguments) as executor:
         _gather(methods, executor.map(_tune_one, methods), tuned, say)
     return tuned
 
@@ -192,7 +192,7 @@ def _gather(methods: Sequence[str], results: Any, tuned: dict[str, Tuned], say: 
 
 
 def write_tuned(folder: Path, tuned: dict[str, Tuned], command: str) -> None:
-    """Write what was found into ``folder``, made if it is missing.
+    """Write the results to ``folder``, which is created if it does not exist.
 
     Raises:
         FacePoserError: If the file cannot be written.
@@ -201,7 +201,7 @@ def write_tuned(folder: Path, tuned: dict[str, Tuned], command: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(
-            f"The folder '{folder}' cannot be made ({error.strerror}); choose another with --output."
+            f"The folder '{folder}' cannot be created ({error.strerror}); choose another with --output."
         ) from error
     about = {
         "format": "faceposer.evaluation.tuned",

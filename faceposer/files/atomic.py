@@ -140,7 +140,7 @@ def write_text(path: Path, text: str, kind: str, durable: bool = True) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def check_apart(path: Path | None, *inputs: Path | str | None) -> None:
+def check_not_input(path: Path | None, *inputs: Path | str | None) -> None:
     """Check that an output ``path`` is not one of the ``inputs``, which it would overwrite; None is ignored.
 
     Raises:

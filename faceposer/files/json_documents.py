@@ -18,7 +18,7 @@ from faceposer.files.reading import RefusedError, read_bytes
 T = TypeVar("T")
 
 #: Maximum nesting depth of lists and objects.
-DEEPEST = 64
+MAX_DEPTH = 64
 #: Approximate memory of the values of a file in Python, in bytes, by the characters that count them.
 _MEMORY = {b",": 40, b"[": 64, b"{": 200, b'"': 30}
 _MAX_MEMORY = 640 * 2**20
@@ -166,7 +166,7 @@ def _parse(content: bytes, unique_keys: bool) -> Any:
     marks = np.frombuffer(plain, dtype=np.uint8)
     brackets = marks[(np.cumsum(marks == ord('"')) % 2 == 0) & (marks != ord('"'))]
     opening = (brackets == ord("[")) | (brackets == ord("{"))
-    if np.cumsum(np.where(opening, 1, -1)).max(initial=0) > DEEPEST:
+    if np.cumsum(np.where(opening, 1, -1)).max(initial=0) > MAX_DEPTH:
         raise RecursionError
     large = _LARGE_NUMBER.search(content) is not None
     return json.loads(

@@ -192,7 +192,7 @@ class OrbitView:
         return cls((float(x), float(y), float(z)), yaw, pitch, float(distance), fov_y)
 
     @classmethod
-    def of_camera(cls, camera: Camera, near: ArrayLike) -> "OrbitView":
+    def from_camera(cls, camera: Camera, near: ArrayLike) -> "OrbitView":
         """Return the view equal to ``camera`` that orbits the point in front of it at the depth of ``near``, (3,).
 
         A roll of the camera and a pitch beyond 89 degrees, which orbits do not have, are lost.

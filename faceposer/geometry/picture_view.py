@@ -94,7 +94,7 @@ class PictureView:
 
     def looking(self, name: str) -> OrbitView:
         """Return the orbit view from the direction ``name``, independent of the photo."""
-        return OrbitView.of_camera(self.photo, self.target).looking(name)
+        return OrbitView.from_camera(self.photo, self.target).looking(name)
 
     def orbited(self, dx: float, dy: float, size: tuple[int, int]) -> "PictureView":
         """Return the view after a drag by (dx, dy) pixels; a locked view does not turn."""

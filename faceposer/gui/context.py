@@ -1,4 +1,4 @@
-"""What features, panels and overlays may know of the window they are part of."""
+"""The editor's interface for features, panels and overlays."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,8 @@ from faceposer.gui.settings import Settings
 from faceposer.gui.viewport import Viewport
 from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.dialogs import Dialogs
-from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
+from faceposer.gui.widgets.file_dialogs import FileDialogs
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.slider_edit import SliderEdit
 from faceposer.gui.widgets.theme import Fonts
 from faceposer.render.options import Shading
@@ -27,33 +28,33 @@ F = TypeVar("F")
 
 
 class EditorContext(Protocol):
-    """The editor as its parts see it.
+    """The editor as seen by its parts.
 
     Attributes:
-        session: What the user edits.
-        scene: The face as it is drawn.
-        viewport: The view of it.
+        session: The edited session.
+        scene: The drawn face.
+        viewport: The view of the face.
         toolbox: The tools.
-        drawn_constraints: How the session's constraints appear.
-        actions: Everything a menu or a key does.
-        settings: What is remembered between runs.
-        characters: The characters that can be chosen.
+        drawn_constraints: Marks, names and conflicts of the session's constraints.
+        actions: The actions of menus and keys.
+        settings: Settings kept between runs.
+        characters: The characters to choose from.
         dialogs: Messages and questions.
-        file_dialogs: Questions for files.
-        widget_rects: Where the widgets of the last frame are.
-        slider_edit: The slider that is being dragged, if any.
-        comparing: Whether the neutral face is shown in place of the pose.
-        wireframe: Whether the edges of the mesh are drawn.
-        points_shown: Whether constraints are drawn.
-        panel_shown: Whether the side panel is shown.
-        shading: How the face is drawn.
-        highlighted: Index of the constraint that a panel points at, or None.
+        file_dialogs: File dialogs.
+        widget_rects: Rectangles of the widgets of the last frame.
+        slider_edit: The edit during the drag of a slider.
+        comparing: True if the neutral face is shown instead of the pose.
+        wireframe: True if the edges of the mesh are drawn.
+        points_shown: True if constraints are drawn.
+        panel_shown: True if the side panel is shown.
+        shading: Shading of the face.
+        highlighted: Index of the constraint under the pointer in a panel, or None.
         notice: Text over the view, or "".
-        remembers: Whether settings are written, for the next run.
-        keeps_journal: Whether unsaved work is kept on the disk.
-        debug: Whether figures for developers are shown.
-        frame_seconds: How long the last frame took.
-        meshes_saved: How many meshes were saved since the start.
+        remembers: True if settings are written for the next run.
+        keeps_journal: True if a journal of unsaved work is kept on disk.
+        debug: True if figures for developers are shown.
+        frame_seconds: Duration of the last frame.
+        meshes_saved: Number of meshes saved since the start.
     """
 
     session: Session
@@ -86,7 +87,7 @@ class EditorContext(Protocol):
 
     @property
     def meshes_saved(self) -> int:
-        """How many meshes were saved since the start."""
+        """Number of meshes saved since the start."""
         ...
 
     @property
@@ -101,17 +102,17 @@ class EditorContext(Protocol):
 
     @property
     def gl(self) -> moderngl.Context:
-        """What draws."""
+        """The OpenGL context."""
         ...
 
     @property
     def busy(self) -> bool:
-        """Whether a gesture, a slider or a feature holds the document, so that nothing else may change it."""
+        """True if a gesture, a slider or a feature is changing the document; nothing else may then change it."""
         ...
 
     @property
     def is_modal(self) -> bool:
-        """Whether a menu or a dialog keeps the pointer from the view."""
+        """True if a menu or a dialog blocks the view."""
         ...
 
     def feature(self, kind: type[F]) -> F:
@@ -124,12 +125,12 @@ class EditorContext(Protocol):
 
     @property
     def modifiers(self) -> Modifiers:
-        """The modifier keys that are held now."""
+        """The modifier keys held down."""
         ...
 
     @property
     def playing(self) -> bool:
-        """Whether a feature moves the face or holds the document, as while an animation plays."""
+        """True if a feature moves the face or changes the document, for example during playback."""
         ...
 
     def clock(self) -> float:
@@ -137,30 +138,30 @@ class EditorContext(Protocol):
         ...
 
     def redraw(self, frames: int = 3) -> None:
-        """Draw what has changed."""
+        """Draw at least ``frames`` more frames."""
 
     def wake(self) -> None:
-        """End the sleep of the loop; may be called from any thread."""
+        """Wake the loop; may be called from any thread."""
 
     def notify(self, text: str) -> None:
         """Show ``text`` over the view for a few seconds."""
 
     def ask_for_file(self, request: FileRequest) -> None:
-        """Ask the user for a file."""
+        """Open a file dialog."""
 
     def hint(self) -> str:
-        """Return what the mouse will do now, by the feature or the tool that has it."""
+        """Return the hint for the mouse, from the feature or the tool in use."""
         ...
 
     def point_name(self, index: int) -> str:
-        """Return the name of the place of constraint ``index``."""
+        """Return the name of the location of constraint ``index``."""
         ...
 
     def set_mode(self, mode: Mode) -> None:
-        """Let the face follow at once, or when the user applies."""
+        """Solve after every change, or only when the user applies."""
 
     def set_ui_scale(self, scale: float) -> None:
-        """Make text and panels ``scale`` times as large as usual."""
+        """Scale text and panels by ``scale``."""
 
     def dismiss_guide(self) -> None:
         """Close the guided pose, if it is open."""
@@ -168,15 +169,15 @@ class EditorContext(Protocol):
     def open_file(self, path: str | Path) -> None:
         """Open a session or a character, after asking about unsaved changes."""
 
-    def show_session(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
-        """Edit the session that ``opening`` returns; return whether there was one.
+    def show_session(self, opening: Callable[[Worker], Session], failure: str, remedy: str = "") -> bool:
+        """Edit the session that ``opening`` returns; return True on success.
 
         Args:
-            opening: Called with what solves for the session; its FacePoserError is reported, and nothing changes.
+            opening: Called with the solver for the session; its FacePoserError is reported, and nothing changes.
             failure: Title of that report.
-            comfort: Added to the error.
+            remedy: Text appended to the error.
         """
         ...
 
     def guard_changes(self, proceed: Callable[[], None]) -> None:
-        """Ask what to do with unsaved changes, then call ``proceed`` unless the user cancels."""
+        """Ask about unsaved changes, then call ``proceed`` unless the user cancels."""

@@ -1,17 +1,17 @@
-"""The pointer's shape: tools and widgets name what a press would do, and here is what it looks like."""
+"""Shapes of the pointer, by the names that tools and widgets use."""
 
 from typing import Any
 
 from imgui_bundle import imgui
 
-# The bundle tells glfw which GLFW library to load, so that both share one; it must come first.
+# The bundle selects the GLFW library that glfw loads, so that both share one; it must be imported first.
 # isort: split
 import glfw
 
 from faceposer.gui.window import Window
 from faceposer.tools.toolbox import Toolbox
 
-# The first group are names that tools use (``Toolbox.cursor``), the second what widgets ask for.
+# First the names of tools (``Toolbox.cursor``), then those of Dear ImGui.
 _SHAPES: dict[str, int] = {
     "arrow": glfw.ARROW_CURSOR,
     "grab": glfw.POINTING_HAND_CURSOR,
@@ -36,34 +36,34 @@ _SHAPES: dict[str, int] = {
 
 
 def shape_of(name: str) -> int:
-    """Return GLFW's standard cursor for ``name``, an arrow for a name that nobody has given a shape."""
+    """Return GLFW's standard cursor for ``name``, an arrow for an unknown name."""
     return _SHAPES.get(name, glfw.ARROW_CURSOR)
 
 
 class Cursors:
-    """Shows one shape at a time.
+    """The pointer of a window.
 
     Attributes:
         shown: Name of the present shape.
     """
 
     def __init__(self, window: Window) -> None:
-        """Take the shape over from Dear ImGui, which has no cross-hair; its wishes are still met."""
+        """Control the pointer of ``window`` in place of Dear ImGui, which has no cross-hair."""
         io = imgui.get_io()
         io.config_flags |= imgui.ConfigFlags_.no_mouse_cursor_change.value
         self._window = window
-        self._made: dict[int, Any] = {}
+        self._created: dict[int, Any] = {}
         self.shown = "arrow"
 
-    def follow(self, toolbox: Toolbox) -> None:
-        """Show what ``toolbox`` names while the pointer is in the view or a gesture goes on, else what widgets want."""
+    def update(self, toolbox: Toolbox) -> None:
+        """Show the pointer of ``toolbox`` over the view and during gestures, otherwise that of the widgets."""
         in_view = toolbox.active or toolbox.hover is not None
         name: str = toolbox.cursor if in_view else str(imgui.MouseCursor_(imgui.get_mouse_cursor()).name)
         if name == self.shown:
             return
         self.shown = name
         shape = shape_of(name)
-        if shape not in self._made:
-            # None, where the system's theme lacks it: then the window shows its arrow.
-            self._made[shape] = glfw.create_standard_cursor(shape)
-        self._window.set_cursor(self._made[shape])
+        if shape not in self._created:
+            # None if the system's theme lacks it; the window then shows an arrow.
+            self._created[shape] = glfw.create_standard_cursor(shape)
+        self._window.set_cursor(self._created[shape])

@@ -1,4 +1,4 @@
-"""What happens to the window: the pointer, keys, dropped files, and the window itself."""
+"""Events of the window: pointer, keys, dropped files, and changes of the window itself."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,7 +11,7 @@ PointerKind = Literal["press", "release", "move", "wheel", "leave"]
 
 @dataclass(frozen=True)
 class Pointer:
-    """The mouse moved, or a button or the wheel did; the position is in window units from the top left."""
+    """A movement of the mouse, a button or the wheel; the position is in window units from the top left."""
 
     kind: PointerKind
     position: tuple[float, float]
@@ -23,7 +23,7 @@ class Pointer:
 
 @dataclass(frozen=True)
 class Key:
-    """A key went down, repeats or came up; letters are those of the user's layout."""
+    """The press, repetition or release of a key; letters follow the keyboard layout."""
 
     kind: Literal["press", "repeat", "release"]
     key: str
@@ -33,24 +33,24 @@ class Key:
 
 @dataclass(frozen=True)
 class Drop:
-    """Files were dropped onto the window."""
+    """Files dropped onto the window."""
 
     paths: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class FocusLost:
-    """Another window has the keyboard now; releases may not arrive here any more."""
+    """Loss of the keyboard focus; later releases may not arrive."""
 
 
 @dataclass(frozen=True)
 class CloseRequest:
-    """The user wants the window closed."""
+    """A request to close the window."""
 
 
 @dataclass(frozen=True)
 class Changed:
-    """The window has another size or scale, or needs to be drawn again."""
+    """A change of size or scale, or a request to redraw."""
 
 
 Event = Pointer | Key | Drop | FocusLost | CloseRequest | Changed

@@ -1,4 +1,4 @@
-"""Feature plug-ins: parts of the window that bring their own menu entries, tab, dialogs and overlays."""
+"""Feature plug-ins: parts of the window with menu entries, a tab, dialogs and overlays of their own."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -13,11 +13,11 @@ from faceposer.gui.widgets.dialogs import Question
 
 
 class Feature:
-    """A part of the window that the frame loop and the layout call; one overrides what it needs.
+    """Base class of features; subclasses override the hooks they need.
 
     Attributes:
-        tab: Title of its tab in the side panel and the text of its tooltip, or None to have no tab.
-        tool_name: Name of the tool whose options it draws, or "".
+        tab: Title and tooltip of the tab in the side panel, or None for no tab.
+        tool_name: Name of the tool for which the feature draws the options, or "".
     """
 
     tab: tuple[str, str] | None = None
@@ -28,113 +28,113 @@ class Feature:
 
     @property
     def patience(self) -> float:
-        """Seconds for which the loop may sleep as far as this feature goes."""
+        """Seconds for which the loop may sleep without an event."""
         return math.inf
 
     @property
     def hint(self) -> str:
-        """What the mouse will do where this feature has it, or ""."""
+        """Hint for the mouse while this feature uses it, otherwise ""."""
         return ""
 
     @property
     def is_modal(self) -> bool:
-        """Whether a dialog of its own keeps the pointer from the view."""
+        """True if a dialog of the feature blocks the view."""
         return False
 
     @property
     def blocks_files(self) -> bool:
-        """Whether files that are dropped onto the window are ignored now."""
+        """True if files dropped onto the window must be ignored."""
         return False
 
     @property
     def quit_question(self) -> Question | None:
-        """What to ask before the window closes, the choice that goes on first; None if there is nothing to lose."""
+        """Question before the window closes, with the choice to continue first; None if nothing would be lost."""
         return None
 
     def contains(self, position: Pixel) -> bool:
-        """Whether a window of its own over the view covers ``position``, in the window's units."""
+        """Return True if a window of the feature over the view covers ``position``, in window units."""
         return False
 
     def cancel(self) -> bool:
-        """Close what Esc closes when no gesture is under way; return whether there was anything."""
+        """Handle Esc outside a gesture; return True if it closed anything."""
         return False
 
     @property
     def busy(self) -> bool:
-        """Whether it holds the document or the face, as while an animation plays: nothing else may change it."""
+        """True if the feature changes the document or moves the face, as during playback."""
         return False
 
     @property
     def strip_height(self) -> float:
-        """Height of the strip that it wants beneath the view, in the window's units; 0 for none."""
+        """Height of the feature's strip below the view, in window units; 0 for none."""
         return 0.0
 
     def actions(self) -> Sequence[Action | Submenu]:
-        """Return its menu entries, in order; those of the menu "File" come before "Quit"."""
+        """Return the menu entries, in order; those of the menu "File" are placed above "Quit"."""
         return ()
 
     @property
     def selects(self) -> bool:
-        """Whether something of it is selected that "Delete" is to remove."""
+        """True if the feature has a selection that "Delete" removes."""
         return False
 
     def delete_selected(self) -> None:
-        """Remove what is selected."""
+        """Remove the selection."""
 
     def before_press(self) -> None:
         """Prepare for a press on the view."""
 
     def session_changed(self) -> None:
-        """Take note that another session is edited from now on."""
+        """React to a change of the edited session."""
 
     def update(self) -> None:
-        """Do what is to be done once in every turn of the loop, before the face is brought up to date."""
+        """Do the work of one turn of the loop, before session and face are updated."""
 
     def late_update(self) -> None:
-        """Likewise, once session and face are up to date."""
+        """Do the work of one turn of the loop, after session and face are updated."""
 
     def take_key(self, key: str) -> bool:
-        """Take a key that was pressed, such as "Ctrl+Z", before everybody else; return whether it did."""
+        """Handle a pressed key, such as "Ctrl+Z", before any action; return True if it was handled."""
         return False
 
     def accept_files(self, paths: tuple[str, ...]) -> bool:
-        """Take the files ``paths`` that were dropped onto the window; return whether they are for this feature."""
+        """Open the dropped files ``paths``; return True if the feature handles such files."""
         return False
 
     def draw_tool_options(self) -> None:
-        """Draw the options of the chosen tool, where that is the feature's."""
+        """Draw the options of the tool ``tool_name``."""
 
     def draw_tab(self) -> None:
-        """Draw the content of its tab."""
+        """Draw the content of the tab."""
 
     def draw_strip(self) -> None:
-        """Draw its strip beneath the view; the window of Dear ImGui is begun."""
+        """Draw the strip below the view into the current window of Dear ImGui."""
 
     def draw_behind(self, draw: imgui.ImDrawList) -> None:
-        """Draw over the picture of the face but beneath all constraints."""
+        """Draw over the face and below all constraints."""
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
-        """Draw over the picture of the face and all constraints."""
+        """Draw over the face and all constraints."""
 
     def draw_window(self) -> None:
-        """Draw a window of its own above the panels and below all dialogs."""
+        """Draw a window above the panels and below all dialogs."""
 
     def draw_dialog(self) -> None:
-        """Draw its dialog, where one is open."""
+        """Draw the dialog of the feature, if it is open."""
 
     def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
-        """Draw a dialog above which others may open, by calling ``draw_dialogs`` inside; return whether it did."""
+        """Draw a dialog within which other dialogs may open, by calling ``draw_dialogs``; return True if it is open."""
         return False
 
     def close(self) -> None:
-        """End what runs and free what it holds; the program ends."""
+        """Stop background work and release resources, at the end of the program."""
 
     def join(self) -> None:
-        """Wait for what still runs beside, once the window is gone."""
+        """Wait for background work, after the window is closed."""
 
 
 class Features:
-    """All features of the window, asked as one."""
+    """All features of the window, with the interface of one."""
 
     def __init__(self, features: Sequence[Feature]) -> None:
         self._features = tuple(features)
@@ -152,35 +152,35 @@ class Features:
 
     @property
     def patience(self) -> float:
-        """Seconds for which the loop may sleep."""
+        """Seconds for which the loop may sleep without an event."""
         return min((feature.patience for feature in self._features), default=math.inf)
 
     @property
     def hint(self) -> str:
-        """What the mouse will do where any has it, or ""."""
+        """Hint of the feature that uses the mouse, or ""."""
         return next((feature.hint for feature in self._features if feature.hint), "")
 
     @property
     def is_modal(self) -> bool:
-        """Whether any has a dialog open."""
+        """True if a dialog of any feature blocks the view."""
         return any(feature.is_modal for feature in self._features)
 
     @property
     def blocks_files(self) -> bool:
-        """Whether any ignores dropped files."""
+        """True if dropped files must be ignored."""
         return any(feature.blocks_files for feature in self._features)
 
     @property
     def quit_question(self) -> Question | None:
-        """The first question before the window closes, if any."""
+        """First question before the window closes, if any."""
         return next((q for q in (feature.quit_question for feature in self._features) if q is not None), None)
 
     def contains(self, position: Pixel) -> bool:
-        """Whether a window of any covers ``position``."""
+        """Return True if a window of any feature covers ``position``."""
         return any(feature.contains(position) for feature in self._features)
 
     def cancel(self) -> bool:
-        """Close what Esc closes in the first that has something to close."""
+        """Let the first feature that can handle Esc do so; return True if one did."""
         return any(feature.cancel() for feature in self._features)
 
     def __iter__(self) -> Iterator[Feature]:
@@ -188,91 +188,91 @@ class Features:
 
     @property
     def busy(self) -> bool:
-        """Whether any holds the document or the face."""
+        """True if any feature changes the document or moves the face."""
         return any(feature.busy for feature in self._features)
 
     def take_key(self, key: str) -> bool:
-        """Offer a key to each in turn, and return whether one took it."""
+        """Offer a key to each feature in turn; return True if one handled it."""
         return any(feature.take_key(key) for feature in self._features)
 
     @property
     def with_tab(self) -> list[Feature]:
-        """Those that have a tab, in order."""
+        """Features with a tab, in order."""
         return [feature for feature in self._features if feature.tab is not None]
 
     @property
     def with_strip(self) -> list[tuple[Feature, float]]:
-        """Those that want a strip beneath the view now, with its height, from top to bottom."""
+        """Features with a visible strip below the view, and its height, from top to bottom."""
         sized = ((feature, feature.strip_height) for feature in self._features)
         return [(feature, height) for feature, height in sized if height > 0]
 
     def actions(self) -> dict[str, Action | Submenu]:
-        """Return the menu entries of all, by their names, in order."""
+        """Return the menu entries of all features by name, in order."""
         return {entry.name: entry for feature in self._features for entry in feature.actions()}
 
     @property
     def selects(self) -> bool:
-        """Whether something is selected in any."""
+        """True if any feature has a selection."""
         return any(feature.selects for feature in self._features)
 
     def delete_selected(self) -> None:
-        """Remove what is selected in them."""
+        """Remove the selection of all features."""
         for feature in self._features:
             if feature.selects:
                 feature.delete_selected()
 
     def before_press(self) -> None:
-        """Prepare all for a press on the view."""
+        """Prepare all features for a press on the view."""
         for feature in self._features:
             feature.before_press()
 
     def session_changed(self) -> None:
-        """Tell all that another session is edited."""
+        """Notify all features of a change of the edited session."""
         for feature in self._features:
             feature.session_changed()
 
     def accept_files(self, paths: tuple[str, ...]) -> bool:
-        """Give dropped files to the first feature that takes them; return whether one did."""
+        """Offer dropped files to each feature in turn; return True if one handled them."""
         return any(feature.accept_files(paths) for feature in self._features)
 
     def draw_tool_options(self, tool: str) -> bool:
-        """Draw the options of ``tool`` if it is a feature's; return whether it is."""
+        """Draw the options of ``tool`` if it belongs to a feature; return True if it does."""
         owners = [feature for feature in self._features if feature.tool_name == tool]
         for feature in owners:
             feature.draw_tool_options()
         return bool(owners)
 
     def draw_behind(self, draw: imgui.ImDrawList) -> None:
-        """Draw over the picture, beneath the constraints."""
+        """Draw over the face and below the constraints."""
         for feature in self._features:
             feature.draw_behind(draw)
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
-        """Draw over everything in the view."""
+        """Draw over the face and the constraints."""
         for feature in self._features:
             feature.draw_over(draw)
 
     def draw_windows(self) -> None:
-        """Draw the windows above the panels."""
+        """Draw the windows of all features."""
         for feature in self._features:
             feature.draw_window()
 
     def draw_dialogs(self) -> None:
-        """Draw the dialogs that are open."""
+        """Draw the open dialogs of all features."""
         for feature in self._features:
             feature.draw_dialog()
 
     def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
-        """Draw the dialog above which others may open, if there is one; return whether there is."""
+        """Draw the dialog within which others may open; return True if it is open."""
         return any(feature.draw_around_dialogs(draw_dialogs) for feature in self._features)
 
     def close(self) -> None:
-        """End all, the last first, whatever one of them raises: unsaved work must be kept in any case."""
+        """Close all features, the last first, even if one raises: unsaved work must be kept in any case."""
         with ExitStack() as stack:
             for feature in self._features:
                 stack.callback(feature.close)
 
     def join(self) -> None:
-        """Wait for what still runs."""
+        """Wait for background work of all features."""
         for feature in self._features:
             feature.join()

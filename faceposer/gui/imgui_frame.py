@@ -1,4 +1,4 @@
-"""Dear ImGui over a window: its life, its frames, and getting on after an error inside one."""
+"""Dear ImGui in a window: set-up, frames, and recovery from an error within a frame."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ class Gui:
     """The context of Dear ImGui that belongs to a window."""
 
     def __init__(self, window: Window) -> None:
-        """Attach to ``window``, whose own callbacks are set already: the backend calls them after its own.
+        """Attach to ``window``, after its callbacks are set: the backend calls them after its own.
 
         Raises:
             FacePoserError: If a font is missing.
@@ -23,7 +23,7 @@ class Gui:
         self.io = imgui.get_io()
         self.io.set_ini_filename(None)
         self.io.config_windows_move_from_title_bar_only = True
-        # Boxes over the window that speak to programmers; the tests look for what they report.
+        # Messages for programmers over the window; the tests check for these errors.
         self.io.config_debug_highlight_id_conflicts = False
         self.io.config_debug_highlight_id_conflicts_show_item_picker = False
         self.io.config_error_recovery_enable_tooltip = False
@@ -35,15 +35,15 @@ class Gui:
         self.set_scale(window.ui_scale)
 
     def set_scale(self, scale: float) -> None:
-        """Make everything ``scale`` times as large as on a display at normal density."""
+        """Scale the interface by ``scale``, relative to a display at normal density."""
         if scale != self._scale:
             self._scale = scale
             apply_theme(scale)
 
     def frame(self, build: Callable[[], None]) -> Exception | None:
-        """Run ``build`` between the begin and the end of a frame; return what it raised.
+        """Call ``build`` within a frame and return its exception, if any.
 
-        An exception leaves windows, tables or colours open; they are closed here, or each later frame would fail too.
+        An exception leaves windows, tables or colours open; they are closed here so that later frames do not fail.
         """
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
@@ -53,7 +53,7 @@ class Gui:
         failure: Exception | None = None
         try:
             build()
-        except Exception as error:  # whatever it is, the window goes on
+        except Exception as error:  # the window must survive any error
             failure = error
             self.io.config_error_recovery_enable_assert = False
             imgui.internal.error_recovery_try_to_recover_state(state)
@@ -67,7 +67,7 @@ class Gui:
 
     @property
     def popup_open(self) -> bool:
-        """Whether a menu, a drop-down list or a dialog is open."""
+        """True if a menu, a drop-down list or a dialog is open."""
         flags = imgui.PopupFlags_.any_popup.value
         return imgui.is_popup_open("", flags)
 
@@ -76,7 +76,7 @@ class Gui:
         imgui.internal.close_popup_to_level(0, True)
 
     def close(self) -> None:
-        """End it, before the window closes."""
+        """Shut down, before the window closes."""
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()
         implot.destroy_context()

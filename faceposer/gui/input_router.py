@@ -1,25 +1,25 @@
-"""Sends what happens to the window to where it belongs: a tool, an action, or nobody because a widget has it.
+"""Routing of events to tools and actions.
 
-Dear ImGui gets every event first, in its own callbacks. A press belongs to the view if it falls on it while no menu or
-dialog is open; whoever has the press has the pointer until the last button is up.
+Dear ImGui gets every event first, in its own callbacks. A press on the view belongs to the tools unless a menu or a
+dialog is open; the owner of the press owns the pointer until the last button is released.
 """
 
 from typing import Literal
 
-from faceposer.gui.actions import written_key
+from faceposer.gui.actions import format_key
 from faceposer.gui.events import CloseRequest, Drop, Event, FocusLost, Key, Pointer
 from faceposer.gui.shell import Shell
 from faceposer.tools.tool import Button, EventKind, PointerEvent
 
-# A key that is held longer than this many seconds was not tapped.
+# Seconds from which a pressed key counts as held.
 _HOLD = 0.3
 
 
 class Router:
-    """Knows who has the pointer, and which key is held."""
+    """Router of events, with the owner of the pointer and the held keys."""
 
     def __init__(self, context: Shell) -> None:
-        """Serve ``context``."""
+        """Route the events of ``context``."""
         self._context = context
         self._owner: Literal["view", "widget"] | None = None
         self._held: list[Button] = []
@@ -30,12 +30,12 @@ class Router:
 
     @property
     def over_widget(self) -> bool:
-        """Whether the pointer is over a panel, a menu or a dialog."""
+        """True if the pointer is over a panel, a menu or a dialog."""
         pointer = self._pointer
         return pointer is not None and pointer.kind != "leave" and not self._in_view(pointer)
 
     def route(self, events: list[Event]) -> None:
-        """Handle ``events`` in their order."""
+        """Handle ``events`` in order."""
         for event in events:
             if isinstance(event, Pointer):
                 self._on_pointer(event)
@@ -49,14 +49,14 @@ class Router:
                 self._context.files.quit()
 
     def update(self) -> None:
-        """Bring up to date what lies under a pointer that rests while the face or the view changes."""
+        """Update the hovered point of the face when the face or the view changes under the pointer."""
         context, pointer = self._context, self._pointer
         if context.toolbox.active:
             self._hovered = None
             return
-        # What lies under the pointer is not asked for while it changes by itself with every frame.
-        rests = self._owner is None and not context.features.busy
-        inside = pointer is not None and rests and pointer.kind != "leave" and self._in_view(pointer)
+        # Picking is too slow while the face changes with every frame, as during playback.
+        idle = self._owner is None and not context.features.busy
+        inside = pointer is not None and idle and pointer.kind != "leave" and self._in_view(pointer)
         state = (
             pointer,
             inside,
@@ -108,7 +108,7 @@ class Router:
         if not context.features.busy:
             context.before_press()
         elif not context.toolbox.camera_tool.begins(event, context.viewport):
-            # Who stops what plays does not mean to pose what happens to be there.
+            # A press that stops playback must not pose the face.
             context.before_press()
             self._owner = "widget"
             return
@@ -120,15 +120,15 @@ class Router:
             if key.key == self._compare_key:
                 self._release_compare(key.time)
             return
-        if key.kind == "press" and context.features.take_key(written_key(key.key, key.modifiers)):
+        if key.kind == "press" and context.features.take_key(format_key(key.key, key.modifiers)):
             return
         if context.dialogs.open or context.file_dialogs.browsing or context.features.is_modal:
             return
         if context.gui.popup_open or context.palette.open:
-            again = (
+            toggles = (
                 context.palette.open and context.actions.for_key(key.key, key.modifiers) is context.actions["palette"]
             )
-            if key.key == "Esc" or (again and key.kind == "press"):
+            if key.key == "Esc" or (toggles and key.kind == "press"):
                 context.palette.close()
                 context.gui.close_popups()
             return

@@ -1,4 +1,4 @@
-"""Where everything is: menus on top, tools at the left, the face, the panel at the right, a line of text below."""
+"""Layout of the window: menus at the top, tools at the left, the side panel at the right, the status bar below."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from faceposer.gui.panels.characters import draw_characters
 from faceposer.gui.panels.menu_bar import draw_menu_bar
 from faceposer.gui.panels.status_bar import draw_status_bar, status_height
 from faceposer.gui.panels.tool_bar import STRIP_WIDTH, draw_tool_options, draw_tool_strip
-from faceposer.gui.panels.view import draw_output_panel, draw_view_panel
+from faceposer.gui.panels.view import draw_save_buttons, draw_view_panel
 from faceposer.gui.shell import Shell
 from faceposer.gui.widgets.basic import tooltip
 from faceposer.gui.widgets.theme import BAR, GROUND, em
@@ -33,7 +33,7 @@ _BARE = _FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_
 
 
 def draw_window(context: Shell) -> None:
-    """Lay out and draw all of the window's content."""
+    """Lay out and draw the content of the window."""
     context.widget_rects.clear()
     context.highlighted = None
     width, height = context.window.size
@@ -91,7 +91,7 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
     imgui.spacing()
     footer = 1.6 * imgui.get_frame_height_with_spacing()
     with _narrow():
-        # Titles stay whole: where there is no room for all, they scroll.
+        # Titles are not shortened: the tab bar scrolls if it is too narrow.
         bar = imgui.begin_tab_bar("##tabs", imgui.TabBarFlags_.fitting_policy_scroll.value)
     if bar:
         for title, draw, text in _tabs(context):
@@ -105,14 +105,14 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
                 imgui.end_child()
                 imgui.end_tab_item()
         imgui.end_tab_bar()
-    draw_output_panel(context)
+    draw_save_buttons(context)
     imgui.end()
     imgui.pop_style_color()
 
 
 @contextmanager
 def _narrow() -> Iterator[None]:
-    """Let the titles of all tabs fit into the panel's width: the bar and each of them ask the style."""
+    """Reduce the padding of tabs, so that all titles fit; both the bar and each tab read the style."""
     style = imgui.get_style()
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.45), style.frame_padding.y))
     imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, (em(0.15), style.item_inner_spacing.y))
@@ -127,10 +127,10 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
         return lambda _context: feature.draw_tab()
 
     return [
-        ("Pose", _draw_pose_tab, "How the face follows, and the constraints"),
-        ("Shapes", context.shapes_panel.draw, "The shapes of the rig, as sliders"),
+        ("Pose", _draw_pose_tab, "Solver settings, tool options and constraints"),
+        ("Shapes", context.shapes_panel.draw, "Sliders for the shapes of the character"),
         *((feature.tab[0], content(feature), feature.tab[1]) for feature in context.features.with_tab if feature.tab),
-        ("View", draw_view_panel, "Direction of view, and how the face is drawn"),
+        ("View", draw_view_panel, "View directions and display options"),
     ]
 
 
@@ -153,7 +153,7 @@ def _draw_strip(context: Shell, position: tuple[float, float], size: tuple[float
 
 
 def _draw_view(context: Shell, position: tuple[float, float], size: tuple[float, float]) -> None:
-    """Show the face and what is drawn over it."""
+    """Draw the face and its overlays."""
     _place(position, size)
     imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
     imgui.begin("##view", None, _BARE)
@@ -164,7 +164,7 @@ def _draw_view(context: Shell, position: tuple[float, float], size: tuple[float,
         context.viewport_placed()
     ratio = context.window.pixels[0] / max(context.window.size[0], 1)
     pixels = (max(round(context.viewport.size[0] * ratio), 1), max(round(context.viewport.size[1] * ratio), 1))
-    texture = context.picture(pixels)
+    texture = context.face_image(pixels)
     imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(*context.viewport.size), ImVec2(0.0, 1.0), ImVec2(1.0, 0.0))
     imgui.set_cursor_pos(ImVec2(0.0, 0.0))
     buttons = (
@@ -181,11 +181,16 @@ def _draw_view(context: Shell, position: tuple[float, float], size: tuple[float,
     else:
         _draw_constraints(context, draw)
         if context.session.pending:
-            draw_badge(draw, context.viewport, "Press Enter to let the face follow the points", 0.0, warm=True)
+            draw_badge(draw, context.viewport, _pending_text(context), 0.0, warm=True)
     context.features.draw_over(draw)
     if context.notice:
         draw_badge(draw, context.viewport, context.notice, 1.0)
     imgui.end()
+
+
+def _pending_text(context: Shell) -> str:
+    key = context.actions["apply"].shortcut
+    return f"Press {key or 'Apply'} to solve the constraints"
 
 
 def _draw_constraints(context: Shell, draw: imgui.ImDrawList) -> None:
@@ -210,11 +215,11 @@ def _draw_constraints(context: Shell, draw: imgui.ImDrawList) -> None:
 
 
 def _paint_marks(context: Shell, painter: Painter, marks: dict[int | None, Mark]) -> None:
-    """Draw ``marks``; constraints that are not enabled are faint, and so are others where some stand out."""
+    """Draw ``marks``; disabled constraints are faint, and others are dimmed while some are highlighted."""
     constraints = context.session.document.constraints
     order = sorted((i for i in marks if i is not None), key=lambda i: painted_order(constraints[i].kind))
     for i in order:
-        dimmed = 1.0 if i in painter.lit or not painter.lit else 0.8
+        dimmed = 1.0 if i in painter.highlighted or not painter.highlighted else 0.8
         marks[i].paint(painter, (1.0 if constraints[i].enabled else 0.35) * dimmed)
     if None in marks:
         marks[None].paint(painter, 1.0)

@@ -1,4 +1,4 @@
-"""The table of everything that menus and keys do."""
+"""The table of all actions in menus and on keys."""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,9 +6,9 @@ from functools import partial
 from faceposer.gui.actions import Action, Actions, Submenu
 from faceposer.gui.commands import Commands
 from faceposer.gui.shell import Shell
-from faceposer.tools.gaze_tool import eyes_of
+from faceposer.tools.tool import PosingTool
 
-# Name of the view, label, key; Ctrl gives the opposite side, as Blender's users know it.
+# Name of the view, label, key; Ctrl gives the opposite side, as in Blender.
 _VIEWS = (
     ("front", "Front", "1"),
     ("back", "Back", "Ctrl+1"),
@@ -19,32 +19,28 @@ _VIEWS = (
     ("bottom", "Bottom", "Ctrl+7"),
 )
 
-# Name of the tool, label, key, what it is for.
-_TOOLS = (
-    ("point", "Points", "Q", "Drag points of the face, and whatever has a handle"),
-    ("distance", "Distance", "D", "Set how far apart two points appear, such as the height of the mouth"),
-    ("stroke", "Stroke", "S", "Draw on the face what should move, then where it should be"),
-    ("curve", "Curve", "K", "Click a curve on the face and drag its points"),
-    ("fix", "Fix", "H", "Hold vertices where they are"),
-    ("gaze", "Gaze", "G", "Let both eyes follow a ring, by dragging anywhere in the view"),
-    ("trajectory", "Trajectories", "J", "Draw the paths of points over time, which the face then follows"),
-)
 
-
-def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> list[Action]:
-    """Return the actions that choose tools and change how they work."""
+def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> list[Action]:
+    """Return the actions that choose tools and change their settings."""
 
     def chosen(name: str) -> Callable[[], bool]:
         return lambda: context.toolbox.chosen.name == name
 
-    def usable(name: str) -> Callable[[], bool]:
-        return lambda: free() and (name != "gaze" or eyes_of(context.session.model.character) is not None)
+    def usable(tool: PosingTool) -> Callable[[], bool]:
+        return lambda: idle() and tool.usable(context.session.model.character)
 
     tools = [
         Action(
-            f"tool-{name}", label, "Tools", partial(do.choose_tool, name), (key,), usable(name), chosen(name), help=text
+            f"tool-{tool.name}",
+            tool.label,
+            "Tools",
+            partial(do.choose_tool, tool.name),
+            (tool.key,) if tool.key else (),
+            usable(tool),
+            chosen(tool.name),
+            help=tool.help,
         )
-        for name, label, key, text in _TOOLS
+        for tool in context.toolbox.tools.values()
     ]
     nudges = [
         Action(
@@ -53,9 +49,9 @@ def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> lis
             "Tools",
             partial(do.nudge, dx * step, dy * step),
             (f"Shift+{key}" if step > 1 else key,),
-            lambda: free() and bool(context.toolbox.selection),
+            lambda: idle() and bool(context.toolbox.selection),
             repeats=True,
-            help=f"Move what is selected by {step} pixel{'s' if step > 1 else ''}",
+            help=f"Move the selection by {step} pixel{'s' if step > 1 else ''}",
             listed=False,
         )
         for step in (1, 10)
@@ -67,50 +63,39 @@ def _tool_actions(context: Shell, do: Commands, free: Callable[[], bool]) -> lis
         "Tools",
         do.toggle_symmetry,
         ("X",),
-        free,
+        idle,
         lambda: context.toolbox.tool_settings.symmetry.on,
         separated=True,
-        help="Mirror what is drawn to the other side; what is uneven already stays so",
+        help="Mirror edits to the other side of the face; existing asymmetry is kept",
     )
     brushes = [
-        Action("brush-thinner", "Thinner brush", "Tools", partial(do.widen_brush, 0.8), ("[",), repeats=True),
-        Action("brush-wider", "Wider brush", "Tools", partial(do.widen_brush, 1.25), ("]",), repeats=True),
+        Action("brush-thinner", "Decrease brush width", "Tools", partial(do.widen_brush, 0.8), ("[",), repeats=True),
+        Action("brush-wider", "Increase brush width", "Tools", partial(do.widen_brush, 1.25), ("]",), repeats=True),
     ]
     return [*tools, symmetry, *brushes, *nudges]
-
-
-def _draws_trajectories(context: Shell) -> bool:
-    tool = context.toolbox.trajectory_tool
-    return context.toolbox.chosen is tool and bool(tool.drawn)
 
 
 def build_actions(context: Shell) -> Actions:
     """Return the actions of ``context``, in the order of its menus."""
     do = Commands(context)
 
-    def free() -> bool:
+    def idle() -> bool:
         return not context.busy
 
-    def applies() -> bool:
-        waits = context.session.mode == "apply" and bool(context.session.document.constraints)
-        begun = bool(context.toolbox.curve_tool.points) or _draws_trajectories(context)
-        return free() and (waits or begun)
+    def can_apply() -> bool:
+        solvable = context.session.mode == "apply" and bool(context.session.document.constraints)
+        return idle() and (solvable or context.toolbox.chosen.can_accept)
 
-    def undoes() -> bool:
-        toolbox = context.toolbox
-        begun = toolbox.curve_tool.points or toolbox.stroke_tool.draws_target or toolbox.distance_tool.first
-        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_back
-        return free() and (bool(begun) or drawn or context.session.can_undo)
+    def can_undo() -> bool:
+        return idle() and (context.toolbox.chosen.can_step_back or context.session.can_undo)
 
-    def redoes() -> bool:
-        toolbox = context.toolbox
-        drawn = toolbox.chosen is toolbox.trajectory_tool and toolbox.trajectory_tool.can_step_forward
-        return free() and (drawn or context.session.can_redo)
+    def can_redo() -> bool:
+        return idle() and (context.toolbox.chosen.can_step_forward or context.session.can_redo)
 
-    of_features = context.features.actions()
-    # These two stand among the program's own entries.
-    importing, guide = of_features.pop("import"), of_features.pop("guide")
-    others = list(of_features.values())
+    entries = context.features.actions()
+    # These two have a fixed place in the menus.
+    importing, guide = entries.pop("import"), entries.pop("guide")
+    others = list(entries.values())
     return Actions(
         [
             Action(
@@ -119,10 +104,10 @@ def build_actions(context: Shell) -> Actions:
                 "File",
                 context.files.new,
                 ("Ctrl+N",),
-                free,
-                help="Begin a new session with this character; changes that are not saved are asked about",
+                idle,
+                help="Start a new session with this character",
             ),
-            Submenu("new-with", "New with", "File", context.files.new_with, free),
+            Submenu("new-with", "New with", "File", context.files.new_with, idle),
             Action(
                 "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a character"
             ),
@@ -140,14 +125,14 @@ def build_actions(context: Shell) -> Actions:
             Action("export-as", "Save OBJ as...", "File", context.files.export_as, ("Ctrl+Shift+E",)),
             *(entry for entry in others if entry.menu == "File"),
             Action("quit", "Quit", "File", context.files.quit, ("Ctrl+Q",), separated=True),
-            Action("undo", "Undo", "Edit", do.undo, ("Ctrl+Z",), undoes, repeats=True),
+            Action("undo", "Undo", "Edit", do.undo, ("Ctrl+Z",), can_undo, repeats=True),
             Action(
                 "redo",
                 "Redo",
                 "Edit",
                 do.redo,
                 ("Ctrl+Shift+Z", "Ctrl+Y"),
-                redoes,
+                can_redo,
                 repeats=True,
             ),
             Action(
@@ -156,9 +141,9 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.apply,
                 ("Enter", "Space"),
-                applies,
+                can_apply,
                 separated=True,
-                help="Accept the curve, or let the face follow the constraints",
+                help="Solve the constraints, or accept the curve",
             ),
             Action(
                 "delete",
@@ -166,7 +151,7 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.delete_selected,
                 ("Delete", "Backspace"),
-                lambda: free() and (do.pin_selected or bool(context.toolbox.selection) or context.features.selects),
+                lambda: idle() and (do.pin_selected or bool(context.toolbox.selection) or context.features.selects),
                 separated=True,
             ),
             Action(
@@ -175,8 +160,8 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.clear_points,
                 (),
-                lambda: free() and any(not c.locked for c in context.session.document.constraints),
-                help="Remove all constraints that are not locked; the face returns to where it was without them",
+                lambda: idle() and any(not c.locked for c in context.session.document.constraints),
+                help="Remove all constraints except locked ones; the face returns to the start pose",
             ),
             Action(
                 "reset",
@@ -184,11 +169,16 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.reset,
                 ("R",),
-                free,
-                help="Back to the neutral face, no constraints",
+                idle,
+                help="Return to the neutral face and remove all constraints",
             ),
             Action(
-                "cancel", "Cancel or deselect", "Edit", do.cancel, ("Esc",), help="Take back the gesture, or deselect"
+                "cancel",
+                "Cancel or deselect",
+                "Edit",
+                do.cancel,
+                ("Esc",),
+                help="Cancel the gesture, or deselect everything",
             ),
             Action(
                 "accept-pose",
@@ -196,10 +186,10 @@ def build_actions(context: Shell) -> Actions:
                 "Edit",
                 do.accept_pose,
                 ("Ctrl+Enter",),
-                lambda: free() and bool(context.session.document.constraints),
-                help="Make this face the one to start from, and clear the constraints",
+                lambda: idle() and bool(context.session.document.constraints),
+                help="Make the current face the start pose and remove the constraints",
             ),
-            *_tool_actions(context, do, free),
+            *_tool_actions(context, do, idle),
             *(
                 Action(f"view-{name}", label, "View", lambda name=name: do.look(name), (key,))  # type: ignore[misc]
                 for name, label, key in _VIEWS
@@ -213,7 +203,7 @@ def build_actions(context: Shell) -> Actions:
                 ("C",),
                 checked=lambda: context.comparing,
                 separated=True,
-                help="Show the neutral face: tap to switch, or hold",
+                help="Show the neutral face; tap the key to switch, or hold it",
             ),
             Action(
                 "wireframe",
@@ -222,7 +212,7 @@ def build_actions(context: Shell) -> Actions:
                 do.toggle_wireframe,
                 ("W",),
                 checked=lambda: context.wireframe,
-                help="Draw the edges of the mesh",
+                help="Show the edges of the mesh",
             ),
             Action(
                 "clay",
@@ -231,7 +221,7 @@ def build_actions(context: Shell) -> Actions:
                 do.toggle_clay,
                 ("T",),
                 checked=lambda: context.shading == "clay",
-                help="Draw without textures",
+                help="Show the face in plain clay, without textures",
             ),
             Action(
                 "expression-lines",
@@ -239,7 +229,7 @@ def build_actions(context: Shell) -> Actions:
                 "View",
                 do.toggle_expression_lines,
                 checked=lambda: context.settings.expression_lines,
-                help="Draw the lines that a pose makes in the skin: forehead, frown lines, crow's feet, nose, cheeks",
+                help="Show the lines of the skin in a pose: forehead, frown lines, crow's feet, nose, cheeks",
             ),
             Action(
                 "contact",
@@ -247,7 +237,7 @@ def build_actions(context: Shell) -> Actions:
                 "View",
                 do.toggle_contact,
                 checked=lambda: context.session.document.contact,
-                help="Keep lids on the eyes and off each other, lips before the teeth, and teeth inside",
+                help="Prevent lids, eyes, lips and teeth from intersecting",
             ),
             Action(
                 "points",
@@ -256,7 +246,7 @@ def build_actions(context: Shell) -> Actions:
                 do.toggle_points,
                 ("P",),
                 checked=lambda: context.points_shown,
-                help="Draw pins, strokes and curves over the face",
+                help="Show pins, strokes and curves over the face",
             ),
             Action(
                 "panel",
@@ -265,7 +255,7 @@ def build_actions(context: Shell) -> Actions:
                 do.toggle_panel,
                 ("N",),
                 checked=lambda: context.panel_shown,
-                help="Show the panel at the right",
+                help="Show the tools and the side panel",
             ),
             Action(
                 "blender",
@@ -289,11 +279,11 @@ def build_actions(context: Shell) -> Actions:
                 "Help",
                 context.palette.show,
                 ("Ctrl+P",),
-                free,
-                help="The command palette: everything there is, by a few letters of its name",
+                idle,
+                help="Search all commands by name",
             ),
             guide,
-            Action("keys", "Keys and mouse", "Help", do.toggle_keys, ("F1",)),
+            Action("keys", "Keys and mouse", "Help", do.show_keys, ("F1",)),
             Action("about", "About Face Poser", "Help", do.about),
         ]
     )

@@ -1,4 +1,4 @@
-"""Opening, saving and leaving: nothing of the user's work is dropped without asking."""
+"""Opening, saving and closing: unsaved work is never lost without a question."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,19 +10,19 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.recent_files import RecentFiles
 from faceposer.gui.settings import MAX_CHARACTERS, last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.meshes import foreign_library, write_posed_obj
 from faceposer.session.character_library import SUFFIX as CHARACTER_SUFFIX
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
-# Of what can be opened by its path: sessions and characters.
+# Suffixes of the files that can be opened: sessions and characters.
 SUFFIXES = (".json", ".npz")
 
 
 class SessionFiles:
-    """What the File menu does."""
+    """Commands of the File menu."""
 
     def __init__(
         self,
@@ -32,13 +32,13 @@ class SessionFiles:
         quit_question: Callable[[], Question | None],
         end: Callable[[], None],
     ) -> None:
-        """Serve ``context``.
+        """Act on ``context``.
 
         Args:
             context: The editor.
-            new_worker: Returns what solves for a session.
-            set_session: Edits another session from then on.
-            quit_question: Returns what features ask before the window closes.
+            new_worker: Returns a solver for a session.
+            set_session: Changes the edited session.
+            quit_question: Returns the question of features before the window closes, if any.
             end: Closes the window.
         """
         self._context = context
@@ -50,7 +50,7 @@ class SessionFiles:
 
     @property
     def title(self) -> str:
-        """Name of the document, with an asterisk if a save would keep something that its file does not have."""
+        """Title of the window: the name of the document, with an asterisk if it has unsaved changes."""
         session = self._context.session
         name = session.path.name if session.path else f"{session.model.character.title} (not saved)"
         return f"{name}{'*' if session.dirty else ''} - Face Poser"
@@ -58,7 +58,7 @@ class SessionFiles:
     # Opening
 
     def open_dialog(self) -> None:
-        """Ask for a session or a character and open it."""
+        """Ask for a session or character file and open it."""
         self._context.ask_for_file(
             FileRequest(
                 "open",
@@ -71,9 +71,9 @@ class SessionFiles:
         )
 
     def open(self, what: str) -> None:
-        """Open the character or session ``what``, after asking about changes that are not saved.
+        """Open the character or session ``what``, after asking about unsaved changes.
 
-        Of the session that is open already, one can only want what its file holds, and to save would write over that.
+        The session that is open is reverted to its file instead: to save it first would overwrite the file.
         """
         if self._is_open(what):
             self._revert(what)
@@ -85,7 +85,7 @@ class SessionFiles:
         return path is not None and Path(what).suffix.lower() == ".json" and Path(what).resolve() == path.resolve()
 
     def _revert(self, what: str) -> None:
-        """Open the file ``what`` of the session again, after asking whether changes may be lost."""
+        """Open the session's file ``what`` again, after a warning about unsaved changes."""
         context = self._context
         context.toolbox.finish()
         context.slider_edit.let_go()
@@ -95,18 +95,18 @@ class SessionFiles:
         context.dialogs.ask(
             Question(
                 f"Revert to the saved {Path(what).name}?",
-                "It is open, with changes that are not saved. They will be lost.",
+                "The session has unsaved changes, which will be lost.",
                 (Choice("Revert", lambda: self._open(what)), Choice("Cancel")),
                 default=1,
             )
         )
 
     def _open(self, what: str) -> None:
-        if self.show(lambda worker: open_session(what, worker), "This cannot be opened"):
+        if self.show(lambda worker: open_session(what, worker), "The file cannot be opened"):
             self.remember(what)
 
     def remember(self, what: str) -> None:
-        """Put ``what``, which was opened, among the recent files and its character among the known ones, if files."""
+        """Add the opened ``what`` to the recent files, and its character to the known ones, if they are files."""
         if Path(what).suffix.lower() in SUFFIXES:
             self.recent.add(Path(what))
         context = self._context
@@ -117,30 +117,30 @@ class SessionFiles:
             context.settings.characters = [path, *others][:MAX_CHARACTERS]
 
     def new(self, character: str = "") -> None:
-        """Begin a new session with the ``character`` of this name or path, or the present one if "".
+        """Start a new session with the ``character`` of this name or path, or the present one if "".
 
-        Changes that are not saved are asked about first.
+        The user is first asked about unsaved changes.
         """
         self.open(character or self._context.session.document.character)
 
     def new_with(self) -> list[Action]:
-        """Return an action for each character, which begins a new session with it."""
+        """Return an action for each character that starts a new session with it."""
         known = self._context.characters.all(self._context.settings.characters)
         return [
-            Action(f"new:{one.name}", one.title, "File", lambda name=one.name: self.new(name))  # type: ignore[misc]
-            for one in known
+            Action(f"new:{entry.name}", entry.title, "File", lambda name=entry.name: self.new(name))  # type: ignore[misc]
+            for entry in known
         ]
 
-    def show(self, opening: Callable[[Worker], Session], failure: str, comfort: str = "") -> bool:
-        """Edit the session that ``opening`` gives; the caller has asked about changes that are not saved.
+    def show(self, opening: Callable[[Worker], Session], failure: str, remedy: str = "") -> bool:
+        """Edit the session that ``opening`` returns; the caller has asked about unsaved changes.
 
         Args:
-            opening: Is given what solves for the session; a FacePoserError of it is told, and nothing changes.
-            failure: Title of what is told then.
-            comfort: Is added to the error.
+            opening: Called with the solver for the session; its FacePoserError is reported, and nothing changes.
+            failure: Title of that report.
+            remedy: Text appended to the error.
 
         Returns:
-            Whether there was one.
+            True on success.
         """
         context = self._context
         worker = self._new_worker()
@@ -148,7 +148,7 @@ class SessionFiles:
             session = opening(worker)
         except FacePoserError as error:
             worker.close()
-            context.dialogs.report(failure, f"{error}{comfort}")
+            context.dialogs.report(failure, f"{error}{remedy}")
             return False
         except Exception:
             worker.close()
@@ -162,7 +162,7 @@ class SessionFiles:
     # Saving
 
     def save(self, then: Callable[[], None] | None = None) -> None:
-        """Save the session, asking where the first time; go on with ``then`` once it is saved."""
+        """Save the session, asking for a path the first time, then call ``then``."""
         path = self._context.session.path
         if path is None:
             self.save_as(then)
@@ -170,7 +170,7 @@ class SessionFiles:
             self._save(path, then)
 
     def save_as(self, then: Callable[[], None] | None = None) -> None:
-        """Ask where and save the session there."""
+        """Ask for a path and save the session."""
         context = self._context
         start = (
             context.session.path or last_folder(context.settings) / f"{_stem(context.session.document.character)}.json"
@@ -186,7 +186,7 @@ class SessionFiles:
             context.session.wait()
             context.session.save(path, context.viewport.camera)
         except FacePoserError as error:
-            context.dialogs.report("The session is not saved", str(error))
+            context.dialogs.report("The session was not saved", str(error))
             return
         context.settings.folder = str(path.parent.resolve())
         self.recent.add(path)
@@ -197,14 +197,14 @@ class SessionFiles:
     # Export
 
     def export(self) -> None:
-        """Write the posed face as OBJ where it went last, asking the first time."""
+        """Save the posed face as OBJ to the last path, asking the first time."""
         if self.export_path is None:
             self.export_as()
         else:
             self._export(self.export_path)
 
     def export_as(self) -> None:
-        """Ask where and write the posed face as OBJ there."""
+        """Ask for a path and save the posed face as OBJ."""
         context = self._context
         session = context.session
         last = Path(context.settings.export_path)
@@ -219,11 +219,11 @@ class SessionFiles:
                 (".obj",),
                 start,
                 self._export,
-                beside=self._library_of,
+                beside=self._overwritten_library,
             )
         )
 
-    def _library_of(self, path: Path) -> tuple[Path, ...]:
+    def _overwritten_library(self, path: Path) -> tuple[Path, ...]:
         return foreign_library(path) if self._context.settings.materials else ()
 
     def _export(self, path: Path) -> None:
@@ -234,17 +234,17 @@ class SessionFiles:
             contact, materials = session.document.contact, context.settings.materials
             write_posed_obj(path, session.model, session.coefficients, contact, materials)
         except FacePoserError as error:
-            context.dialogs.report("The mesh is not saved", str(error))
+            context.dialogs.report("The mesh was not saved", str(error))
             return
         self.meshes_saved += 1
         self.export_path = path.resolve()
         context.settings.export_path = str(self.export_path)
         context.notify(f"Saved {path.name}")
 
-    # Leaving
+    # Closing
 
     def quit(self) -> None:
-        """Close the window, after asking about work that is under way and unsaved changes."""
+        """Close the window, after asking about running jobs and unsaved changes."""
         question = self._quit_question()
         if question is None:
             self.guard(self._end)
@@ -254,7 +254,7 @@ class SessionFiles:
         self._context.dialogs.ask(replace(question, choices=choices))
 
     def guard(self, go_on: Callable[[], None]) -> None:
-        """Ask what to do with changes that are not saved, then go on; without any, go on at once."""
+        """Ask about unsaved changes, then call ``go_on``; without such changes, call it at once."""
         context = self._context
         context.toolbox.finish()
         context.slider_edit.let_go()
@@ -265,7 +265,7 @@ class SessionFiles:
         context.dialogs.ask(
             Question(
                 f"Save {name}?",
-                "It has changes that are not saved. Without saving they are lost.",
+                "Unsaved changes will be lost unless you save them.",
                 (
                     Choice("Save", lambda: self.save(go_on)),
                     Choice("Don't save", go_on),

@@ -1,4 +1,4 @@
-"""What the window remembers between runs: folders, navigation, its size. Losing it costs no more than comfort."""
+"""Settings kept between runs, such as folders, navigation and the window's size; damaged settings get defaults."""
 
 import json
 import math
@@ -17,35 +17,35 @@ from faceposer.tools.tool import Navigation
 _FILE = "window.json"
 MAX_RECENT = 8
 MAX_CHARACTERS = 30
-#: Least and largest values of the numbers.
+#: Minimum and maximum of numeric settings.
 LIMITS = {"ui_scale": (0.75, 2.0), "key_light": (0.0, 2.0), "ambient_light": (0.0, 3.0)}
 
 
 @dataclass
 class Settings:
-    """Remembered choices.
+    """Settings of the window.
 
     Attributes:
-        navigation: Which mouse buttons move the view.
+        navigation: Program whose mouse buttons navigate the view.
         window_size: Width and height in the window system's units.
-        export_path: Where the last OBJ went, or "".
-        folder: Where the last session was opened or saved, or "".
-        welcome_done: Whether the guided pose has been shown; it is on the first start, where nothing is remembered yet.
-        poses_folder: Where the user's poses are, or "" for the usual folder.
-        auto_key: Whether a changed pose becomes a key by itself, once there is any.
-        range_marks: Whether the view shows how far the point under the pointer can go.
-        expression_lines: Whether the lines of the skin that a pose makes are drawn.
-        materials: Whether OBJ files are written with materials and textures.
+        export_path: Path of the last saved OBJ, or "".
+        folder: Folder of the last opened or saved session, or "".
+        welcome_done: True if the guided pose has been shown; False on the first start, without saved settings.
+        poses_folder: Folder of the user's poses, or "" for the default.
+        auto_key: True if a changed pose is keyed automatically, once there is a key.
+        range_marks: True if the view shows the range of the point under the pointer.
+        expression_lines: True if expression lines are drawn.
+        materials: True if OBJ files are written with materials and textures.
         window_position: Top left corner of the window on the desktop, or None for the system's choice.
-        window_maximized: Whether it fills the monitor.
-        ui_scale: Factor on the size of text and panels.
-        backdrop: What lies behind the face.
-        key_light: Factor on the light from the front.
-        ambient_light: Factor on the light from all sides.
-        keys: Shortcuts that the user has changed, by the names of their actions.
-        autosave_folder: Where unsaved work is kept, or "" for the usual folder; holds from the next start on.
-        characters: Whole paths of the characters outside the library that were opened, newest first.
-        recent: Whole paths of the files that were opened or saved last, newest first, at most ``MAX_RECENT``.
+        window_maximized: True if the window is maximized.
+        ui_scale: Scale of text and panels.
+        backdrop: Background of the face.
+        key_light: Factor of the light from the front.
+        ambient_light: Factor of the light from all sides.
+        keys: Shortcuts changed by the user, by the names of the actions.
+        autosave_folder: Folder of unsaved work, or "" for the default; takes effect at the next start.
+        characters: Absolute paths of opened character files outside the library, newest first.
+        recent: Absolute paths of recently opened or saved files, newest first, at most ``MAX_RECENT``.
     """
 
     navigation: Navigation = "blender"
@@ -71,12 +71,12 @@ class Settings:
 
 
 def load_settings() -> Settings:
-    """Return the settings of the last run; what is missing or damaged has its default."""
+    """Return the settings of the last run, with defaults for missing and damaged ones."""
     try:
         data = read_json(state_folder() / _FILE, "settings", _settings_from_json)
     except FacePoserError:
         data = {}
-    # Where nothing is remembered, somebody is new here.
+    # Without saved settings this is the first start.
     settings = Settings(welcome_done=bool(data))
     for name, value in data.items():
         setattr(settings, name, value)
@@ -84,7 +84,7 @@ def load_settings() -> Settings:
 
 
 def save_settings(settings: Settings) -> None:
-    """Write the settings; a folder that cannot be written is no reason to bother the user."""
+    """Write the settings; errors of the file system are ignored."""
     path = state_folder() / _FILE
     with suppress(OSError, FacePoserError):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,13 +92,13 @@ def save_settings(settings: Settings) -> None:
 
 
 def last_folder(settings: Settings) -> Path:
-    """Return the folder in which a file dialog opens: the last one, or the user's documents."""
+    """Return the initial folder of file dialogs: the last one, or the user's documents."""
     folder = Path(settings.folder) if settings.folder else documents_folder()
     return folder if folder.is_dir() else Path.home()
 
 
 def _settings_from_json(data: Any) -> dict[str, Any]:
-    """Return those of the remembered settings that can be used, by name."""
+    """Return the valid settings in ``data``, by name."""
     usable: dict[str, Any] = {}
     if not data:
         return usable
@@ -114,7 +114,7 @@ def _settings_from_json(data: Any) -> dict[str, Any]:
             usable[name] = min(max(float(number), least), most)
     usable["keys"] = _checked_keys(usable.get("keys", {}))
     for name, most_paths in (("recent", MAX_RECENT), ("characters", MAX_CHARACTERS)):
-        usable[name] = [path for path in usable.get(name, []) if _is_whole_path(path)][:most_paths]
+        usable[name] = [path for path in usable.get(name, []) if _is_absolute_path(path)][:most_paths]
     return usable
 
 
@@ -127,5 +127,5 @@ def _checked_keys(value: Any) -> dict[str, list[str]]:
     }
 
 
-def _is_whole_path(value: Any) -> bool:
+def _is_absolute_path(value: Any) -> bool:
     return isinstance(value, str) and "\0" not in value and Path(value).is_absolute()

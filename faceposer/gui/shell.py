@@ -1,4 +1,4 @@
-"""The window as its own frame sees it: what lays out, routes and lists the features, beyond what features may know."""
+"""The editor's interface for layout, menus and the router, which extends that for features."""
 
 from typing import Protocol
 
@@ -16,15 +16,17 @@ from faceposer.gui.window import Window
 
 
 class Shell(EditorContext, Protocol):
-    """The editor with its frame.
+    """The editor with its window.
 
     Attributes:
-        window: The system's window.
-        gui: Dear ImGui over it.
+        window: The operating system's window.
+        gui: Dear ImGui in the window.
         features: All features.
-        files: Opening, saving and leaving.
+        files: Commands that open, save and close.
         palette: The command palette.
-        pose_panel: The first part of the panel, likewise the others.
+        pose_panel: Panel of solver settings.
+        constraints_panel: Panel of constraints.
+        shapes_panel: Panel of shapes.
     """
 
     window: Window
@@ -36,8 +38,8 @@ class Shell(EditorContext, Protocol):
     constraints_panel: ConstraintsPanel
     shapes_panel: ShapesPanel
 
-    def picture(self, size: tuple[int, int]) -> moderngl.Texture:
-        """Return the picture of the face for the view, of about ``size`` pixels."""
+    def face_image(self, size: tuple[int, int]) -> moderngl.Texture:
+        """Return the image of the face for the view, of at most ``size`` pixels."""
         ...
 
     def viewport_placed(self) -> None:

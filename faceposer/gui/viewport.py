@@ -1,4 +1,4 @@
-"""The view of the face: what tools see of the window, and where the window shows it."""
+"""The view of the face, as a rectangle of the window and as the context of tools."""
 
 from dataclasses import replace
 
@@ -17,19 +17,19 @@ Pixel = tuple[float, float]
 
 
 class Viewport:
-    """A rectangle of the window that shows the face; it gives tools their surroundings (``ToolContext``).
+    """The rectangle of the window that shows the face; implements ``ToolContext``.
 
-    Tools measure in window units from the rectangle's top left. On some systems a unit is several pixels; pictures are
-    drawn in pixels.
+    Positions are in window units from the top left of the rectangle. On some systems a unit is several pixels; images
+    are drawn in pixels.
 
     Attributes:
         origin: Top left corner in the window.
         size: Width and height, at least 1.
-        ui_scale: How many window units something takes that takes one on a display at normal density.
+        ui_scale: Window units per unit of the interface, which is a pixel at normal density and zoom 1.
     """
 
     def __init__(self, scene: Scene, session: Session, navigation: Navigation) -> None:
-        """Look at ``session`` from the front."""
+        """View ``session`` from the front."""
         self.session = session
         self.navigation: Navigation = navigation
         self.origin: Pixel = (0.0, 0.0)
@@ -48,16 +48,16 @@ class Viewport:
         return self._camera[1]
 
     def place(self, origin: Pixel, size: tuple[int, int], ui_scale: float) -> None:
-        """Move the rectangle to ``origin`` with ``size``, at least 1 by 1."""
+        """Set the rectangle to ``origin`` and ``size``, at least 1 by 1."""
         self.origin, self.ui_scale = origin, ui_scale
         self.size = (max(size[0], 1), max(size[1], 1))
 
     def local(self, position: Pixel) -> Pixel:
-        """Return a position in the window as one in the view."""
+        """Convert a position from the window to the view."""
         return (position[0] - self.origin[0], position[1] - self.origin[1])
 
     def contains(self, position: Pixel) -> bool:
-        """Whether a position in the window lies in the view."""
+        """Return True if a position in the window is inside the view."""
         x, y = self.local(position)
         return 0.0 <= x < self.size[0] and 0.0 <= y < self.size[1]
 
@@ -66,11 +66,11 @@ class Viewport:
         return self._scene.pick(self.camera, pixel)
 
     def pick_many(self, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
-        """Return the points of the visible face under ``pixels`` of the view, (n, 2), and which meet it, (n,)."""
+        """Return the points of the visible face under ``pixels`` of the view, (n, 2), and a mask of the hits, (n,)."""
         return self._scene.pick_many(self.camera, np.asarray(pixels, dtype=np.float64).reshape(-1, 2))
 
     def hidden(self, points: SurfacePoints) -> NDArray[np.bool_]:
-        """Return which of ``points`` the face itself hides from the view, shape (n,)."""
+        """Return a mask of the ``points`` hidden by the face itself, shape (n,)."""
         positions = points.positions(self._scene.vertices, self._scene.triangles)
         away = self._scene.facing_away(self.camera, points)
         return away | self._scene.occluded(self.camera, positions)
@@ -78,19 +78,19 @@ class Viewport:
     # Views
 
     def framed(self, name: str = "front") -> OrbitView:
-        """Return the view ``name`` in which the face fills the rectangle, however narrow that is."""
+        """Return the view ``name`` in which the face fills the rectangle, whatever its aspect ratio."""
         width, height = self.size
         return face_view(self._scene.character, name, width / height if min(width, height) > 1 else 1.0)
 
     def look(self, name: str) -> None:
-        """Turn to the direction ``name`` around what is looked at; the view through a photo is left."""
+        """Turn to the direction ``name`` around the current target, leaving the view of a photo."""
         if isinstance(self.view, PictureView):
             self.view = self.framed(name)
         else:
             self.view = self.view.looking(name)
 
     def frame_face(self) -> None:
-        """Let the face fill the view from the present direction."""
+        """Fill the view with the face, from the present direction."""
         framed = self.framed()
         if isinstance(self.view, PictureView):
             self.view = self._framed_in_picture(self.view)
@@ -104,12 +104,12 @@ class Viewport:
         return view.showing(lower - margin, upper + margin, self.size)
 
     def look_through(self, camera: Camera) -> None:
-        """Take up the view of ``camera``, as a session's file has it.
+        """Set the view to ``camera``, as stored in a session file.
 
-        One that is rolled, or whose axis meets its picture beside the middle, is that of a photo or a part of it.
+        A camera with roll, or with a principal point off the centre, belongs to a photo or a part of one.
         """
         target = self.framed().target
         if camera.shift == (0.0, 0.0) and abs(camera.rotation[0, 1]) < 1e-6:
-            self.view = OrbitView.of_camera(camera, target)
+            self.view = OrbitView.from_camera(camera, target)
         else:
             self.view = replace(PictureView.whole(camera, target), locked=False)

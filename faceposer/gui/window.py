@@ -1,7 +1,7 @@
-"""The window of the operating system: one GLFW window with OpenGL 3.3, and everything that happens to it as events.
+"""The operating system's window, with OpenGL 3.3, and its events.
 
-Events are collected in GLFW's callbacks, each with its own time, and taken once per frame: however slow a frame is, no
-sample of a gesture is lost.
+GLFW's callbacks collect events with their times, and the loop takes them once per frame: a slow frame loses no sample
+of a gesture.
 """
 
 import ctypes
@@ -13,7 +13,7 @@ from typing import Any, Literal
 import moderngl
 from imgui_bundle import imgui
 
-# The bundle tells glfw which GLFW library to load, so that both share one; it must come first.
+# The bundle selects the GLFW library that glfw loads, so that both share one; it must be imported first.
 # isort: split
 import glfw
 
@@ -29,63 +29,20 @@ from faceposer.gui.events import (
     Pointer,
     PointerKind,
 )
-from faceposer.render.mesh_buffers import drawn_by_processor
+from faceposer.gui.key_names import BUTTONS, KEY_CODES, KEY_NAMES, MODIFIER_KEYS, MODIFIERS_OF_IMGUI, modifier_bits
+from faceposer.gui.window_creation import SMALLEST, Place, Size, create_window, is_on_monitor
+from faceposer.render.mesh_buffers import is_software_renderer
 from faceposer.tools.tool import Button
 
-Size = tuple[int, int]
-Place = tuple[int, int]
-SMALLEST: Size = (480, 360)
-# Notches of the wheel that move nothing.
+# A turn of the wheel too small to scroll.
 _NO_TURN = 1e-12
-
-_BUTTONS: dict[int, Button] = {
-    glfw.MOUSE_BUTTON_LEFT: "left",
-    glfw.MOUSE_BUTTON_MIDDLE: "middle",
-    glfw.MOUSE_BUTTON_RIGHT: "right",
-}
-_MODIFIER_KEYS = {
-    glfw.KEY_LEFT_SHIFT: "shift",
-    glfw.KEY_RIGHT_SHIFT: "shift",
-    glfw.KEY_LEFT_CONTROL: "ctrl",
-    glfw.KEY_RIGHT_CONTROL: "ctrl",
-    glfw.KEY_LEFT_ALT: "alt",
-    glfw.KEY_RIGHT_ALT: "alt",
-}
-_MODIFIERS_OF_GUI = {"shift": imgui.Key.mod_shift, "ctrl": imgui.Key.mod_ctrl, "alt": imgui.Key.mod_alt}
-if sys.platform == "darwin":
-    # Shortcuts are with Command there.
-    _MODIFIER_KEYS |= {glfw.KEY_LEFT_SUPER: "ctrl", glfw.KEY_RIGHT_SUPER: "ctrl"}
-_KEY_NAMES: dict[int, str] = {
-    **{glfw.KEY_A + i: chr(ord("A") + i) for i in range(26)},
-    **{glfw.KEY_0 + i: str(i) for i in range(10)},
-    **{glfw.KEY_KP_0 + i: str(i) for i in range(10)},
-    **{glfw.KEY_F1 + i: f"F{i + 1}" for i in range(12)},
-    glfw.KEY_ESCAPE: "Esc",
-    glfw.KEY_ENTER: "Enter",
-    glfw.KEY_KP_ENTER: "Enter",
-    glfw.KEY_SPACE: "Space",
-    glfw.KEY_DELETE: "Delete",
-    glfw.KEY_BACKSPACE: "Backspace",
-    glfw.KEY_TAB: "Tab",
-    glfw.KEY_LEFT: "Left",
-    glfw.KEY_RIGHT: "Right",
-    glfw.KEY_UP: "Up",
-    glfw.KEY_DOWN: "Down",
-    glfw.KEY_LEFT_BRACKET: "[",
-    glfw.KEY_RIGHT_BRACKET: "]",
-    glfw.KEY_COMMA: ",",
-    glfw.KEY_PERIOD: ".",
-    glfw.KEY_HOME: "Home",
-    glfw.KEY_END: "End",
-}
-_KEY_CODES = {name: code for code, name in reversed(_KEY_NAMES.items())}
 
 
 class Window:
     """A window, its OpenGL context and its events.
 
     Attributes:
-        zoom: The user's factor on the size of everything but the face.
+        zoom: Scale of the interface chosen by the user.
     """
 
     def __init__(
@@ -95,9 +52,9 @@ class Window:
 
         Args:
             size: Width and height.
-            hidden: Open it where nobody sees it and no display is needed: for tests and the demo.
-            position: Of its top left corner on the desktop; None, or one that no monitor shows, for the system's.
-            maximized: Let it fill the monitor; ``size`` and ``position`` are those of the window that is not maximized.
+            hidden: Open an invisible window, which needs no display, for tests and the demo.
+            position: Top left corner on the desktop; the system's choice if None, or if no monitor shows it.
+            maximized: Maximize it; ``size`` and ``position`` apply once it is restored.
 
         Raises:
             NoWindowError: If there is no display, or no OpenGL 3.3.
@@ -108,22 +65,22 @@ class Window:
         self._position = (0.0, 0.0)
         self._callbacks: list[Any] = []
         self.title = "Face Poser"
-        # What stamps events; who plays them may bring a clock of its own.
+        # Time of events; a scripted user may replace it.
         self.clock: Callable[[], float] = time.perf_counter
         self.zoom = 1.0
-        self._handle = _open(size, hidden)
+        self._handle = create_window(size, hidden)
         self.address = int(ctypes.cast(self._handle, ctypes.c_void_p).value or 0)
         glfw.make_context_current(self._handle)
         try:
             self.ctx = moderngl.create_context(require=330)
         except Exception as error:  # glcontext raises plain Exception
             glfw.terminate()
-            raise NoWindowError(f"OpenGL 3.3 is not to be had here ({error}); update the graphics driver.") from error
+            raise NoWindowError(f"OpenGL 3.3 is not available ({error}); update the graphics driver.") from error
         self._alive = True
         glfw.swap_interval(0 if hidden else 1)
         if not hidden:
             glfw.set_window_size_limits(self._handle, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
-        if position is not None and _on_a_monitor(position):
+        if position is not None and is_on_monitor(position):
             glfw.set_window_pos(self._handle, *position)
         self._normal: tuple[Size, Place] = (self.size, glfw.get_window_pos(self._handle))
         if maximized:
@@ -132,39 +89,39 @@ class Window:
 
     @property
     def maximized(self) -> bool:
-        """Whether it fills the monitor."""
+        """True if the window is maximized."""
         return bool(glfw.get_window_attrib(self._handle, glfw.MAXIMIZED))
 
     @property
     def normal_size(self) -> Size:
-        """Its size when it was last neither maximized nor minimised, in units of a display at normal density."""
+        """Size of the restored window, neither maximized nor minimised, in units of a display at normal density."""
         scale = max(self.display_scale, 0.1)
         width, height = self._normal[0]
         return (round(width / scale), round(height / scale))
 
     @property
     def normal_position(self) -> Place:
-        """Likewise, where its top left corner was on the desktop."""
+        """Top left corner of the restored window on the desktop."""
         return self._normal[1]
 
-    def _note_place(self) -> None:
+    def _record_place(self) -> None:
         if self.maximized or glfw.get_window_attrib(self._handle, glfw.ICONIFIED) or min(self.size) <= 0:
             return
         self._normal = (self.size, glfw.get_window_pos(self._handle))
 
     @property
     def modifiers(self) -> Modifiers:
-        """Of "shift", "ctrl" and "alt", those that are held."""
+        """The modifier keys held down, of "shift", "ctrl" and "alt"."""
         return self._modifiers
 
     @property
     def software(self) -> bool:
-        """Whether the processor draws, not a graphics card."""
-        return drawn_by_processor(self.ctx)
+        """True if the processor draws, not a graphics card."""
+        return is_software_renderer(self.ctx)
 
     @property
     def size(self) -> Size:
-        """Width and height in window units, in which the pointer is measured."""
+        """Width and height in window units, the units of pointer positions."""
         return glfw.get_window_size(self._handle)
 
     @property
@@ -174,18 +131,18 @@ class Window:
 
     @property
     def ui_scale(self) -> float:
-        """How many window units something takes that takes one on a display at normal density at a zoom of 1."""
+        """Window units per unit of the interface, which is a pixel at normal density and zoom 1."""
         return self.display_scale * self.zoom
 
     @property
     def display_scale(self) -> float:
-        """How many window units the display takes for one at normal density."""
+        """Window units per pixel at normal density."""
         scale: float = glfw.get_window_content_scale(self._handle)[0]
         return min(max(scale * self.size[0] / max(self.pixels[0], 1), 0.5), 4.0) if self.size[0] else 1.0
 
     @property
     def drawable(self) -> bool:
-        """Whether there is anything to see: it is neither minimised nor without area."""
+        """True if the window is neither minimised nor empty."""
         return min(self.pixels) > 0 and not glfw.get_window_attrib(self._handle, glfw.ICONIFIED)
 
     def set_title(self, title: str) -> None:
@@ -199,7 +156,7 @@ class Window:
         glfw.set_window_size(self._handle, *size)
 
     def set_cursor(self, cursor: Any) -> None:
-        """Show the pointer as ``cursor`` of GLFW, None for the arrow."""
+        """Set the pointer to GLFW's ``cursor``, or to the arrow if None."""
         glfw.set_cursor(self._handle, cursor)
 
     def show(self) -> None:
@@ -207,28 +164,28 @@ class Window:
         glfw.show_window(self._handle)
 
     def swap(self) -> None:
-        """Show what was drawn."""
+        """Show the drawn frame."""
         glfw.swap_buffers(self._handle)
 
     # Events
 
     def wait(self, seconds: float) -> None:
-        """Sleep until something happens, at most ``seconds``."""
+        """Sleep until an event arrives, at most ``seconds``."""
         if seconds > 0.0 and not self._events:
             glfw.wait_events_timeout(seconds)
         else:
             glfw.poll_events()
 
     def wake(self) -> None:
-        """End the sleep; may be called from any thread."""
+        """End ``wait``; may be called from any thread."""
         if self._alive:
             glfw.post_empty_event()
 
     def take_events(self) -> list[Event]:
-        """Return what has happened since the last call, oldest first.
+        """Return the events since the last call, oldest first.
 
         Raises:
-            Exception: Whatever went wrong in a callback, where it could not be told.
+            Exception: Any error of a callback, which cannot raise it itself.
         """
         events, self._events = self._events, []
         failure, self._failure = self._failure, None
@@ -241,7 +198,7 @@ class Window:
             def call(_window: Any, *arguments: Any) -> None:
                 try:
                     handler(*arguments)
-                except Exception as error:  # an exception must not travel through the C library
+                except Exception as error:  # an exception must not pass through the C library
                     self._failure = error
 
             self._callbacks.append(call)
@@ -258,7 +215,7 @@ class Window:
         glfw.set_window_focus_callback(window, guarded(self._on_focus))
         glfw.set_window_close_callback(window, guarded(self._on_close))
         for place_register in (glfw.set_window_size_callback, glfw.set_window_pos_callback):
-            place_register(window, guarded(lambda *_values: self._note_place()))
+            place_register(window, guarded(lambda *_values: self._record_place()))
         for register in (
             glfw.set_framebuffer_size_callback,
             glfw.set_window_content_scale_callback,
@@ -280,11 +237,11 @@ class Window:
     def _on_button(self, button: int, action: int, modifiers: int) -> None:
         self._set_modifiers(modifiers)
         if action == glfw.RELEASE and any(isinstance(e, Pointer) and e.kind == "move" for e in self._events):
-            # Dear ImGui lets a slider go where it was in the frame before if the last move and the release come in one
-            # frame. After any turn of the wheel, however small, it leaves the release to the next frame.
+            # If the last move and the release arrive in one frame, Dear ImGui drops the move of a slider. After a turn
+            # of the wheel, however small, it handles the release in the next frame.
             imgui.get_io().add_mouse_wheel_event(0.0, _NO_TURN)
-        if button in _BUTTONS:
-            self._pointer("press" if action == glfw.PRESS else "release", _BUTTONS[button])
+        if button in BUTTONS:
+            self._pointer("press" if action == glfw.PRESS else "release", BUTTONS[button])
 
     def _on_scroll(self, _across: float, along: float) -> None:
         self._pointer("wheel", wheel=along)
@@ -295,16 +252,16 @@ class Window:
 
     def _on_key(self, code: int, scancode: int, action: int, modifiers: int) -> None:
         self._set_modifiers(modifiers)
-        if code in _MODIFIER_KEYS:
-            # Whether the modifier's own key is part of ``modifiers`` depends on the system.
-            changed = {_MODIFIER_KEYS[code]}
+        if code in MODIFIER_KEYS:
+            # Systems differ in whether ``modifiers`` includes the modifier's own key.
+            changed = {MODIFIER_KEYS[code]}
             self._modifiers = self._modifiers - changed if action == glfw.RELEASE else self._modifiers | changed
             self._add(Changed())
             return
-        name = _KEY_NAMES.get(code)
+        name = KEY_NAMES.get(code)
         if glfw.KEY_A <= code <= glfw.KEY_Z:
-            here = glfw.get_key_name(code, scancode)
-            name = here.upper() if here and len(here) == 1 and "a" <= here.lower() <= "z" else name
+            printed = glfw.get_key_name(code, scancode)
+            name = printed.upper() if printed and len(printed) == 1 and "a" <= printed.lower() <= "z" else name
         if name is None:
             self._add(Changed())
             return
@@ -327,117 +284,47 @@ class Window:
         glfw.set_window_should_close(self._handle, False)
         self._add(CloseRequest())
 
-    # Played events, for tests and the demo: they take the way of real ones, through Dear ImGui's backend
+    # Simulated events, for tests and the demo; they pass through Dear ImGui's backend, as real ones do
 
     def play_move(self, x: float, y: float) -> None:
-        """Act as if the pointer had moved to (x, y)."""
+        """Simulate a move of the pointer to (x, y)."""
         imgui.backends.glfw_cursor_enter_callback(self.address, 1)
         imgui.backends.glfw_cursor_pos_callback(self.address, x, y)
 
     def play_button(self, button: Button, pressed: bool, modifiers: Modifiers = frozenset()) -> None:
-        """Act as if a button had gone down or come up."""
-        code = next(code for code, name in _BUTTONS.items() if name == button)
+        """Simulate the press or release of a button."""
+        code = next(code for code, name in BUTTONS.items() if name == button)
         if not modifiers:
             imgui.backends.glfw_mouse_button_callback(self.address, code, int(pressed), 0)
             return
-        # The backend asks the keyboard which modifiers are held, and nobody plays at that.
+        # The backend reads modifiers from the keyboard, which no event simulates.
         io = imgui.get_io()
-        self._on_button(code, glfw.PRESS if pressed else glfw.RELEASE, _bits(modifiers))
+        self._on_button(code, glfw.PRESS if pressed else glfw.RELEASE, modifier_bits(modifiers))
         for name in modifiers:
-            io.add_key_event(_MODIFIERS_OF_GUI[name], pressed)
+            io.add_key_event(MODIFIERS_OF_IMGUI[name], pressed)
         io.add_mouse_button_event(code, pressed)
 
     def play_wheel(self, notches: float) -> None:
-        """Act as if the wheel had turned."""
+        """Simulate a turn of the wheel."""
         imgui.backends.glfw_scroll_callback(self.address, 0.0, notches)
 
     def play_key(self, name: str, kind: Literal["press", "repeat", "release"], modifiers: Modifiers) -> None:
-        """Act as if the key ``name`` had gone down, repeated or come up."""
+        """Simulate the press, repetition or release of the key ``name``."""
         action = {"press": glfw.PRESS, "repeat": glfw.REPEAT, "release": glfw.RELEASE}[kind]
-        imgui.backends.glfw_key_callback(self.address, _KEY_CODES[name], 0, action, _bits(modifiers))
+        imgui.backends.glfw_key_callback(self.address, KEY_CODES[name], 0, action, modifier_bits(modifiers))
 
     def play_text(self, text: str) -> None:
-        """Act as if ``text`` had been typed."""
+        """Simulate the input of ``text``."""
         for character in text:
             imgui.backends.glfw_char_callback(self.address, ord(character))
 
     def play_event(self, event: Event) -> None:
-        """Act as if ``event`` had arrived from the window system."""
+        """Simulate ``event`` from the window system."""
         self._add(event)
 
     def close(self) -> None:
-        """Close the window and end GLFW; what was made in the context must be released before."""
+        """Close the window and end GLFW; objects of the OpenGL context must be released before."""
         self._alive = False
         self.ctx.release()
         glfw.destroy_window(self._handle)
         glfw.terminate()
-
-
-def _bits(modifiers: Modifiers) -> int:
-    bits = {"shift": glfw.MOD_SHIFT, "ctrl": glfw.MOD_CONTROL, "alt": glfw.MOD_ALT}
-    return sum(bits[name] for name in modifiers)
-
-
-def _open(size: Size, hidden: bool) -> Any:
-    """Start GLFW and return a window that is not shown yet."""
-    glfw.ERROR_REPORTING = "ignore"
-    null = hidden and sys.platform.startswith("linux")
-    glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if null else glfw.ANY_PLATFORM)
-    if not glfw.init():
-        raise NoWindowError(
-            f"No window can be opened here ({_last_error()}); set DISPLAY, or use 'faceposer demo', which needs none."
-        )
-    glfw.default_window_hints()
-    hints: dict[int, Any] = {
-        glfw.CONTEXT_VERSION_MAJOR: 3,
-        glfw.CONTEXT_VERSION_MINOR: 3,
-        glfw.OPENGL_PROFILE: glfw.OPENGL_CORE_PROFILE,
-        glfw.OPENGL_FORWARD_COMPAT: True,
-        glfw.DEPTH_BITS: 0,
-        glfw.STENCIL_BITS: 0,
-        glfw.VISIBLE: False,
-        glfw.SCALE_TO_MONITOR: True,
-    }
-    if null:
-        hints[glfw.CONTEXT_CREATION_API] = glfw.EGL_CONTEXT_API
-    for hint, value in hints.items():
-        glfw.window_hint(hint, value)
-    for hint in (glfw.X11_CLASS_NAME, glfw.X11_INSTANCE_NAME):
-        glfw.window_hint_string(hint, "faceposer")
-    if not hidden:
-        size = _fitting(size)
-    handle = glfw.create_window(*size, "Face Poser", None, None)
-    if not handle:
-        reason = _last_error()
-        glfw.terminate()
-        raise NoWindowError(
-            f"No window with OpenGL 3.3 can be opened here ({reason}); update the graphics driver, "
-            "or on Debian install libgl1-mesa-dri and libegl1."
-        )
-    return handle
-
-
-def _last_error() -> str:
-    text: Any = glfw.get_error()[1]
-    return text.decode(errors="replace").rstrip(".") if text else "no reason given"
-
-
-def _on_a_monitor(position: Place) -> bool:
-    """Whether some monitor shows the title bar of a window at ``position``."""
-    x, y = position[0] + 60, position[1] + 10
-    for monitor in glfw.get_monitors():
-        left, top, width, height = glfw.get_monitor_workarea(monitor)
-        if left <= x < left + width and top <= y < top + height:
-            return True
-    return False
-
-
-def _fitting(size: Size) -> Size:
-    """Return ``size``, at most what the main monitor has room for."""
-    monitor = glfw.get_primary_monitor()
-    if not monitor:
-        return size
-    _, _, width, height = glfw.get_monitor_workarea(monitor)
-    scale = glfw.get_monitor_content_scale(monitor)[0] if sys.platform != "darwin" else 1.0
-    room = (int(width / scale), int(height / scale) - 40)
-    return (max(min(size[0], room[0]), SMALLEST[0]), max(min(size[1], room[1]), SMALLEST[1]))

@@ -1,1 +1,1 @@
-"""Poses and animations to and from the files of other programs."""
+"""Import and export of poses and animations."""

@@ -1,7 +1,7 @@
-"""The table of export formats: what the dialog, the command and the Python interface know of each.
+"""Table of export formats, read by the export dialog, the command line and the Python interface.
 
-A new format is a module that writes it and a row here. What writes is imported when it is used: some of it needs
-libraries that the window does not wait for at its start, and pictures need OpenGL, which meshes and weights do not.
+A new format is a module that writes it and a row here. Writers are imported when they are used: some need libraries
+that would delay the start of the window, and images need OpenGL, which meshes and weights do not.
 """
 
 from collections.abc import Callable, Generator
@@ -23,7 +23,7 @@ from faceposer.render.options import OutputOptions
 if TYPE_CHECKING:
     from faceposer.render.offscreen import Context
 
-#: Stage of the progress of an export.
+#: Name of the progress stage of an export.
 WRITING = "Writing"
 
 Motion = NDArray[np.float64] | Performance
@@ -31,15 +31,15 @@ Motion = NDArray[np.float64] | Performance
 
 @dataclass(frozen=True)
 class Output:
-    """One export.
+    """Arguments of an export.
 
     Attributes:
         path: The file, or the folder of a sequence.
         model: The face.
         motion: A pose, shape (r,), or a performance.
-        options: How it is written.
-        ctx: What pictures are drawn with; a context of their own if None.
-        progress: Reported to where writing is one long step.
+        options: Output options.
+        ctx: OpenGL context for images; None to create one.
+        progress: Progress of writers that work in one long step.
     """
 
     path: Path
@@ -55,18 +55,18 @@ class Format:
     """A file format of posed faces.
 
     Attributes:
-        suffix: Of its files, with the dot, in small letters.
-        name: What it is called.
-        purpose: What a file holds and what it is for.
-        holds: What one file holds: "pose" for a single pose; "either" for a pose or a performance; "film" for what
-            moves in any case, a lone pose by turning round.
-        write: Writes atomically, and yields the share that is done; closing the iterator ends it and leaves nothing.
-        sequence: Likewise, writes a performance as a new folder with a file for each frame; None where there is no way.
-        drawn: Whether files are pictures, to which size, view and shading apply.
-        contact: Whether what is written can show the contact step.
-        transparent: Whether pictures can leave the background out.
-        materials: Whether materials and textures are written as files beside it.
-        missing: Returns why the format cannot be written on this machine, or "".
+        suffix: File suffix, lower case with the dot.
+        name: Name of the format.
+        purpose: Content and purpose of a file, for help texts.
+        holds: Content of one file: "pose" for a single pose; "either" for a pose or a performance; "film" for a video,
+            in which the camera turns around a single pose.
+        write: Writes a file atomically and yields the completed share; closing the iterator cancels without a file.
+        sequence: Likewise, writes a performance as a new folder with one file per frame; None if unsupported.
+        drawn: True if files are rendered, so that size, view and shading apply.
+        contact: True if files can contain the contact step.
+        transparent: True if images can have a transparent background.
+        materials: True if materials and textures are written as additional files.
+        missing: Returns the reason why this machine cannot write the format, or "".
     """
 
     suffix: str
@@ -83,7 +83,7 @@ class Format:
 
     @property
     def animated(self) -> bool:
-        """Whether one file can hold a performance."""
+        """True if one file can hold a performance."""
         return self.holds in ("either", "film")
 
 
@@ -92,13 +92,13 @@ FORMATS: dict[str, Format] = {}
 
 
 def register(form: Format) -> None:
-    """Offer ``form`` in the window, on the command line and in Python.
+    """Register ``form`` for the window, the command line and Python.
 
     Raises:
-        ValueError: If its suffix is taken, or is none.
+        ValueError: If its suffix is taken or not a lower-case suffix.
     """
     if form.suffix in FORMATS or not form.suffix.startswith(".") or form.suffix != form.suffix.lower():
-        raise ValueError(f"'{form.suffix}' is no new suffix of a format")
+        raise ValueError(f"'{form.suffix}' is not a new, lower-case suffix of a format")
     FORMATS[form.suffix] = form
 
 
@@ -113,10 +113,10 @@ def offered(kind: Callable[[Format], bool] = lambda _: True) -> tuple[str, ...]:
 
 
 def format_of(path: Path) -> Format:
-    """Return the format that the suffix of ``path`` names.
+    """Return the format of ``path`` by its suffix.
 
     Raises:
-        FacePoserError: If it names none.
+        FacePoserError: If the suffix is unknown.
     """
     try:
         return FORMATS[path.suffix.lower()]
@@ -125,19 +125,22 @@ def format_of(path: Path) -> Format:
 
 
 def check_writable(path: Path, kind: Callable[[Format], bool] = lambda _: True) -> Format:
-    """Return the format of the output ``path``, one for which ``kind`` holds, before any work is done for it.
+    """Return the format of the output ``path``, checking that it can be written before any work is done.
+
+    Args:
+        path: The file to write.
+        kind: Predicate that the format must satisfy.
 
     Raises:
-        FacePoserError: If the suffix names none of these, the format cannot be written on this machine, or the file
-            could not be written.
+        FacePoserError: If the suffix is not that of such a format, or the file cannot be written on this machine.
     """
-    named = FORMATS.get(path.suffix.lower())
-    if named is None or not kind(named):
+    form = FORMATS.get(path.suffix.lower())
+    if form is None or not kind(form):
         raise FacePoserError(f"The output '{path}' must end in one of {', '.join(offered(kind))}.")
-    if reason := named.missing():
+    if reason := form.missing():
         raise FacePoserError(reason)
-    check_output(path, named.suffix)
-    return named
+    check_output(path, form.suffix)
+    return form
 
 
 def write(
@@ -147,18 +150,18 @@ def write(
     options: OutputOptions | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Write a face in the format that the suffix of ``path`` names, atomically.
+    """Write a face atomically, in the format given by the suffix of ``path``.
 
     Args:
-        path: Ends in one of ``FORMATS``.
+        path: File with one of the suffixes in ``FORMATS``.
         model: The face.
         motion: A pose, shape (r,), or a performance.
-        options: How it is written.
-        progress: Reported to; cancelling it leaves no file.
+        options: Output options; defaults if None.
+        progress: Receives the progress; cancelling leaves no file.
 
     Raises:
-        FacePoserError: If the suffix is none of these or its files hold no performance, the file cannot be written, or
-            pictures are wanted where there is no OpenGL or no ffmpeg.
+        FacePoserError: If the suffix is unknown, the format cannot hold a performance, the file cannot be written, or
+            OpenGL or ffmpeg is needed and missing.
     """
     progress = progress or Progress()
     for share in write_steps(Output(path, model, motion, options or OutputOptions(), progress=progress)):
@@ -166,31 +169,31 @@ def write(
 
 
 def write_steps(output: Output) -> Generator[float, None, None]:
-    """Write ``output`` as ``write`` does, step by step; yields the share that is done after each.
+    """Write ``output`` as ``write`` does, yielding the completed share after each step.
 
-    Closing the iterator before its end leaves no file.
+    Closing the iterator early leaves no file.
 
     Raises:
-        FacePoserError: As for ``write``.
+        FacePoserError: As ``write``.
     """
     form = format_of(output.path)
     if form.holds == "pose" and isinstance(output.motion, Performance):
-        instead = "choose a frame, or write a .gif" if form.drawn else "write a folder of them instead"
+        remedy = "choose a frame, or write a .gif" if form.drawn else "write a sequence of files instead"
         verb = "shows" if form.drawn else "holds"
-        raise FacePoserError(f"'{output.path}' {verb} one pose and not {len(output.motion)}; {instead}.")
+        raise FacePoserError(f"'{output.path}' {verb} one pose, not {len(output.motion)}; {remedy}.")
     _check_options(form, output.options)
     yield from form.write(output)
 
 
 def write_sequence_steps(output: Output, suffix: str) -> Generator[float, None, None]:
-    """Write the performance of ``output`` as a folder of files that end in ``suffix``, step by step.
+    """Write the performance of ``output`` as a folder of files with ``suffix``, yielding the completed share.
 
     Raises:
-        FacePoserError: If the format has no sequences, or the folder cannot be written.
+        FacePoserError: If the format does not support sequences, or the folder cannot be written.
     """
     form = FORMATS[suffix]
     if form.sequence is None or not isinstance(output.motion, Performance):
-        raise FacePoserError(f"{form.name} has no sequences of files; write an animation in another format.")
+        raise FacePoserError(f"{form.name} cannot be written as a sequence of files; choose another format.")
     _check_options(form, output.options)
     yield from form.sequence(output)
 
@@ -199,8 +202,8 @@ def _check_options(form: Format, options: OutputOptions) -> None:
     if reason := form.missing():
         raise FacePoserError(reason)
     if options.transparent and not form.transparent:
-        kinds = " or ".join(suffixes(lambda other: other.transparent))
-        raise FacePoserError(f"{form.name} cannot leave the background out; write {kinds} instead.")
+        alternatives = " or ".join(suffixes(lambda other: other.transparent))
+        raise FacePoserError(f"{form.name} cannot have a transparent background; write {alternatives} instead.")
 
 
 def _glb(output: Output) -> Generator[float, None, None]:
@@ -242,8 +245,8 @@ def _live_link(output: Output) -> Generator[float, None, None]:
     from faceposer.interchange.live_link import write_live_link
 
     motion = output.motion
-    whole = motion if isinstance(motion, Performance) else Performance(motion[None], _ONE_FRAME_RATE)
-    write_live_link(output.path, output.model, whole)
+    performance = motion if isinstance(motion, Performance) else Performance(motion[None], _SINGLE_FRAME_RATE)
+    write_live_link(output.path, output.model, performance)
     yield 1.0
 
 
@@ -254,13 +257,13 @@ def _weights(output: Output) -> Generator[float, None, None]:
     yield 1.0
 
 
-def _picture(output: Output) -> Generator[float, None, None]:
+def _image(output: Output) -> Generator[float, None, None]:
     from faceposer.render.shots import picture_steps
 
     yield from picture_steps(output.path, output.model, _pose(output), output.options, output.ctx)
 
 
-def _picture_sequence(output: Output) -> Generator[float, None, None]:
+def _image_sequence(output: Output) -> Generator[float, None, None]:
     from faceposer.render.shots import picture_sequence_steps
 
     yield from picture_sequence_steps(output.path, output.model, _performance(output), output.options, output.ctx)
@@ -288,13 +291,13 @@ def _performance(output: Output) -> Performance:
     return output.motion
 
 
-_ONE_FRAME_RATE = 30.0
-
+# Frame rate of a file with a single pose.
+_SINGLE_FRAME_RATE = 30.0
 for _format in (
     Format(
         ".glb",
         "GLB",
-        "the face with its shapes as morph targets, without contact: Blender, Unity, Unreal, web",
+        "the face with its shapes as morph targets, for Blender, Unity, Unreal and the web; without contact",
         "either",
         _glb,
         contact=False,
@@ -312,18 +315,18 @@ for _format in (
     Format(
         ".csv",
         "CSV",
-        "ARKit weights, as Live Link Face writes them, without contact",
+        "ARKit weights in the format of Live Link Face; without contact",
         "either",
         _live_link,
         contact=False,
     ),
-    Format(".json", "JSON", "weights of the face's own shapes, without contact", "either", _weights, contact=False),
-    Format(".png", "PNG", "a picture of the pose", "pose", _picture, _picture_sequence, drawn=True, transparent=True),
-    Format(".gif", "GIF", "the face in motion or turning round, for web pages", "film", _gif, drawn=True),
+    Format(".json", "JSON", "weights of the character's shapes; without contact", "either", _weights, contact=False),
+    Format(".png", "PNG", "an image of the pose", "pose", _image, _image_sequence, drawn=True, transparent=True),
+    Format(".gif", "GIF", "the animation, or a turntable of the pose, for web pages", "film", _gif, drawn=True),
     Format(
         ".mp4",
         "MP4",
-        "the face in motion or turning round, as a film",
+        "the animation, or a turntable of the pose, as a video",
         "film",
         _mp4,
         drawn=True,

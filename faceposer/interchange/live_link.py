@@ -1,4 +1,4 @@
-"""Weights over time as the CSV file of Epic's app Live Link Face, and the rate of such files."""
+"""Animation as CSV files of Epic's app Live Link Face, and the frame rate of such files."""
 
 import csv
 import re
@@ -17,16 +17,16 @@ from faceposer.model.shape_names import weight_map
 
 Array = NDArray[np.float64]
 
-#: Timecodes count so many frames a second, whatever the rate of the take.
+#: Frames per second of timecodes, independent of the rate of the take.
 TIMECODE_BASE = 60
 _DEFAULT_RATE = 30.0
-#: Radians that an eye turns at the full weight of a shape, pitch downwards and yaw towards the character's right,
-#: found by least squares in recordings of the app.
+#: Rotation of an eye in radians at full weight of a shape, pitch downwards and yaw towards the character's right;
+#: least squares over recordings of the app.
 _UP, _DOWN, _IN, _OUT = 0.45, 0.61, 0.55, 0.65
 
 
 def _app_order() -> tuple[str, ...]:
-    """Return ARKit's shapes in the order of the app's columns, which has the right side first in two places."""
+    """Return ARKit's shapes in the order of the app's columns, in which the right side is first in two places."""
     names = list(ARKIT_SHAPES)
     for left in ("jawLeft", "mouthLeft"):
         i = names.index(left)
@@ -47,30 +47,31 @@ HEADER: tuple[str, ...] = (
 
 
 def arkit_weights(model: FaceModel, coefficients: Array) -> Array:
-    """Return the weights of the 52 ``ARKIT_SHAPES`` nearest to the poses ``coefficients``, (F, r), within their limits.
+    """Return the weights of the 52 ``ARKIT_SHAPES``, shape (F, 52), that best reproduce ``coefficients``, (F, r).
 
-    Shape (F, 52). Shapes that the character lacks are 0; of a shape that it has in halves, the mean is taken.
+    Weights are within their limits. Shapes that the character lacks are 0; a shape that the character has in halves
+    gets the mean of both.
 
     Raises:
         FacePoserError: If the character has none of ARKit's shapes.
     """
-    # SciPy's optimisers are slow to import, and the window reads the table of formats at its start.
+    # SciPy's optimisers are slow to import, and the window imports the table of formats at its start.
     from faceposer.solve.weight_fit import fit_weights_of_frames
 
     lift = weight_map(ARKIT_SHAPES, model.character.shape_names)
     if not lift.any():
         raise FacePoserError(
-            f"{model.character.title} has none of ARKit's 52 shapes, which a CSV of Live Link Face is about; write its "
-            "own weights as .json, or its shapes as .glb."
+            f"{model.character.title} has none of ARKit's 52 shapes, which a Live Link Face CSV holds; write the "
+            "weights as .json, or the shapes as .glb."
         )
     weights: Array = np.clip(fit_weights_of_frames(model, coefficients), 0.0, 1.0) @ lift.T
     return weights
 
 
 def write_live_link(path: Path, model: FaceModel, performance: Performance) -> None:
-    """Write the ARKit weights of ``performance`` as Live Link Face does, all or nothing.
+    """Write the ARKit weights of ``performance`` in the format of Live Link Face, atomically.
 
-    The head does not turn. The eyes turn as the weights of their gaze say.
+    The rotation of the head is 0; that of the eyes follows from the weights of their gaze.
 
     Raises:
         FacePoserError: If the character has none of ARKit's shapes, or the file cannot be written.
@@ -90,7 +91,7 @@ def write_live_link(path: Path, model: FaceModel, performance: Performance) -> N
 
 
 def _eye_turns(weights: Array) -> Array:
-    """Return yaw, pitch and roll of the left and the right eye in radians, (F, 6), by ARKit's ``weights``, (F, 52)."""
+    """Return yaw, pitch and roll of the left and right eye in radians, (F, 6), from ARKit ``weights``, (F, 52)."""
     turns = np.zeros((len(weights), 6))
     for side, (name, inwards) in enumerate((("Left", 1.0), ("Right", -1.0))):
         up, down, towards, away = (
@@ -102,16 +103,16 @@ def _eye_turns(weights: Array) -> Array:
 
 
 def timecode(seconds: float) -> str:
-    """Return ``seconds`` from midnight as hours, minutes, seconds and frames with their thousandths."""
+    """Format ``seconds`` since midnight as hours, minutes, seconds and frames with thousandths."""
     ticks = round(seconds * TIMECODE_BASE * 1000)
     whole, thousandths = divmod(ticks, 1000)
-    rest, frames = divmod(whole, TIMECODE_BASE)
-    minutes, second = divmod(rest, 60)
+    total_seconds, frames = divmod(whole, TIMECODE_BASE)
+    minutes, second = divmod(total_seconds, 60)
     return f"{minutes // 60 % 24:02}:{minutes % 60:02}:{second:02}:{frames:02}.{thousandths:03}"
 
 
 def rate_of_capture(path: Path) -> float:
-    """Return the frames per second of a take of Live Link Face or Face Cap, 30 where its times do not tell.
+    """Return the frame rate of a take of Live Link Face or Face Cap; 30 if it does not follow from its timestamps.
 
     Raises:
         OSError: If the file cannot be read.
@@ -122,20 +123,20 @@ def rate_of_capture(path: Path) -> float:
     steps = steps[steps > 0]
     if not len(steps):
         return _DEFAULT_RATE
-    # Frames that the app left out make some steps long; of the usual ones the mean, as each is rounded.
-    usual = steps[np.abs(steps - np.median(steps)) <= 0.5 * np.median(steps)]
-    rate = round(1.0 / float(usual.mean()), 2)
+    # Dropped frames make some steps longer; timestamps are rounded, so the mean of the regular steps is taken.
+    regular = steps[np.abs(steps - np.median(steps)) <= 0.5 * np.median(steps)]
+    rate = round(1.0 / float(regular.mean()), 2)
     return rate if 1.0 <= rate <= 1000.0 else _DEFAULT_RATE
 
 
 def _seconds(cells: list[str]) -> float | None:
-    """Return when the frame in a line was, or None if the line is none."""
+    """Return the time of the frame in a line of ``cells``, in seconds, or None if the line is not a frame."""
     if len(cells) < 2:
         return None
     if cells[0].strip().lower() == "k":
         return float(cells[1]) / 1000.0 if re.fullmatch(r"\s*\d{1,12}(\.\d*)?\s*", cells[1]) else None
-    found = re.fullmatch(r"\s*(\d\d?):(\d\d?):(\d\d?):(\d{1,3}(?:\.\d*)?)\s*", cells[0])
-    if found is None:
+    match = re.fullmatch(r"\s*(\d\d?):(\d\d?):(\d\d?):(\d{1,3}(?:\.\d*)?)\s*", cells[0])
+    if match is None:
         return None
-    hours, minutes, seconds, frames = (float(word) for word in found.groups())
+    hours, minutes, seconds, frames = (float(group) for group in match.groups())
     return 3600.0 * hours + 60.0 * minutes + seconds + frames / TIMECODE_BASE

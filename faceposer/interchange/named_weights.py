@@ -1,4 +1,4 @@
-"""Weights of shapes by name, as files have them."""
+"""Weights of shapes by name, as stored in files."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ class NamedWeights:
     """Weights of shapes by name, frame by frame.
 
     Attributes:
-        names: Of the S shapes.
-        frames: Shape (F, S).
-        rate: Frames per second; None if the file does not say, as of a single pose.
+        names: Names of the S shapes.
+        frames: Weights, shape (F, S).
+        rate: Frames per second; None if the file does not state it, as for a single pose.
     """
 
     names: tuple[str, ...]

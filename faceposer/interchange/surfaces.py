@@ -1,10 +1,10 @@
-"""What the surfaces of a character look like to other programs where no picture says so."""
+"""Material parameters of a character's surfaces, for export where no texture defines them."""
 
 from faceposer.model.materials import BASE_COLOURS
 
 _ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
 _SKIN_ROUGHNESS = 0.55
-# How much of what lies behind a clear shell is covered by it.
+# Opacity of transparent shells.
 _OPACITY = {"film": 0.05}
 _PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -24,6 +24,6 @@ def opacity(material: str) -> float:
     return _OPACITY.get(material, 1.0)
 
 
-def is_png(picture: bytes) -> bool:
-    """Whether the encoded image ``picture`` is PNG; otherwise it is JPEG."""
-    return picture.startswith(_PNG)
+def is_png(image: bytes) -> bool:
+    """Return True if the encoded ``image`` is PNG; otherwise it is JPEG."""
+    return image.startswith(_PNG)

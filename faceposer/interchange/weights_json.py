@@ -18,36 +18,41 @@ FORMAT = "faceposer.weights"
 VERSION = 1
 _MAX_BYTES = 256 * 2**20
 _MAX_NAMES = 10_000
-# Modes of examples reach some units; far more is no weight.
-_LARGEST = 1000.0
+# Modes of examples reach several units; far larger values are errors.
+_LARGEST_WEIGHT = 1000.0
 _DIGITS = 6
 
-_Weights = list[Annotated[float, Meta(ge=-_LARGEST, le=_LARGEST)]]
+_Weights = list[Annotated[float, Meta(ge=-_LARGEST_WEIGHT, le=_LARGEST_WEIGHT)]]
 _Rate = Annotated[float, Meta(gt=0.0, le=1000.0, description="a number of frames per second above 0, at most 1000")]
 
 
 class _WeightsFile(Struct):
-    # Other keys are for other programs.
+    # Further keys are ignored, so that other programs can add their own.
     names: Annotated[tuple[str, ...], Meta(min_length=1, max_length=_MAX_NAMES)]
     frames: Annotated[list[Annotated[_Weights, Meta(title="lists of weights")]], Meta(min_length=1)]
     rate: _Rate | None = None
 
     def __post_init__(self) -> None:
         if len(set(self.names)) < len(self.names):
-            twice = next(name for i, name in enumerate(self.names) if name in self.names[:i])
-            raise JsonError(f"has {shown(twice)} twice", "names")
+            duplicate = next(name for i, name in enumerate(self.names) if name in self.names[:i])
+            raise JsonError(f"has {shown(duplicate)} twice", "names")
         for i, frame in enumerate(self.frames):
             if len(frame) != len(self.names):
                 raise JsonError(f"must be a list of {len(self.names)} weights, one for each name", f"frames[{i}]")
 
 
 def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Performance) -> None:
-    """Write the weights of the character's shapes, within their limits, nearest to a pose (r,) or a performance.
+    """Write the weights of the character's shapes, within their limits, that best reproduce a pose or a performance.
+
+    Args:
+        path: The file.
+        model: The face.
+        motion: A pose, shape (r,), or a performance.
 
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    # SciPy's optimisers are slow to import, and the window reads the table of formats at its start.
+    # SciPy's optimisers are slow to import, and the window imports the table of formats at its start.
     from faceposer.solve.weight_fit import fit_weights_of_frames
 
     coefficients = motion.coefficients if isinstance(motion, Performance) else motion[None]
@@ -63,10 +68,10 @@ def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Pe
 
 
 def read_weights(path: Path) -> NamedWeights:
-    """Return the weights in the file ``path``.
+    """Read the weights in the file ``path``.
 
     Raises:
-        FacePoserError: If it cannot be read or is not such a file, naming the place.
+        FacePoserError: If the file cannot be read or is invalid; the message names the place.
     """
     return read_json(path, "weights", _weights_from_json, _MAX_BYTES)
 

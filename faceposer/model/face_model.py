@@ -19,7 +19,7 @@ from faceposer.model.mixture import GaussianMixture
 from faceposer.model.motion_samples import MotionSamples, largest_motions, sample_motion
 from faceposer.model.muscles import co_contraction, independence
 from faceposer.model.pca import RigSubspace, reconstruction_error, rig_pca, smallest_reaching
-from faceposer.model.shape_names import halves_of, weight_map
+from faceposer.model.shape_names import half_shapes_of, weight_map
 from faceposer.model.split_shapes import split_to_match
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class FaceModel:
 
         return ContactStep.of(self.character)
 
-    def rows_at(self, points: SurfacePoints) -> tuple[Array, Array]:
+    def jacobian_at(self, points: SurfacePoints) -> tuple[Array, Array]:
         """Return the derivatives of ``points`` with respect to p, (n, 3, r), and their neutral positions, (n, 3).
 
         Results are cached: while a point is dragged or a stroke is redrawn, its place on the face remains the same.
@@ -141,11 +141,11 @@ class FaceModel:
         return self._gathered(points)
 
     def rows_of(self, points: SurfacePoints) -> tuple[Array, Array]:
-        """Return the same as ``rows_at`` without caching, for points that are used once, as under the pointer."""
+        """Return the same as ``jacobian_at`` without caching, for points that are used once, as under the pointer."""
         return self._gather(points)
 
-    def gram_at(self, points: SurfacePoints) -> Array:
-        """Return the inner products of the columns of ``rows_at(points)``, shape (r, r), cached likewise."""
+    def jacobian_gram_at(self, points: SurfacePoints) -> Array:
+        """Return the inner products of the columns of ``jacobian_at(points)``, shape (r, r), cached likewise."""
         return self._grams(points)
 
     @cached_property
@@ -164,13 +164,13 @@ class FaceModel:
         return np.ascontiguousarray(rows), points.positions(self.character.vertices, self.triangles)
 
     def _gram(self, points: SurfacePoints) -> Array:
-        rows = self.rows_at(points)[0].reshape(-1, self.n_coefficients)
+        rows = self.jacobian_at(points)[0].reshape(-1, self.n_coefficients)
         gram: Array = rows.T @ rows
         return gram
 
     def positions_at(self, points: SurfacePoints, p: ArrayLike) -> Array:
         """Return the positions of ``points``, shape (n, 3), on the face with coefficients ``p`` of shape (r,)."""
-        rows, neutral = self.rows_at(points)
+        rows, neutral = self.jacobian_at(points)
         positions: Array = neutral + rows @ np.asarray(p, dtype=np.float64)
         return positions
 
@@ -200,7 +200,7 @@ class FaceModel:
         if isinstance(weights, Mapping):
             vector = np.zeros(len(self.character.shape_names))
             for name, value in weights.items():
-                targets = [name] if name in self.character.shape_names else halves_of(name)
+                targets = [name] if name in self.character.shape_names else half_shapes_of(name)
                 if not targets or any(shape not in self.character.shape_names for shape in targets):
                     raise KeyError(name)
                 vector[[self.character.shape_names.index(shape) for shape in targets]] += value

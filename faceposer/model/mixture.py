@@ -113,7 +113,7 @@ class GaussianMixture:
             self.weights, self.means @ matrix.T, 0.5 * (covariances + covariances.transpose(0, 2, 1))
         )
 
-    def moved_by(self, offset: Array) -> "GaussianMixture":
+    def translated_by(self, offset: Array) -> "GaussianMixture":
         """Return the density of p + ``offset``, shape (r,), without factorising the covariances again."""
         moved = GaussianMixture(self.weights, self.means + offset, self.covariances)
         moved.__dict__.update(whiteners=self.whiteners, precisions=self.precisions)
@@ -150,6 +150,6 @@ class PrecisionGaussian(GaussianMixture):
         """The inverse of the precision, shape (1, r, r)."""
         return np.asarray(np.linalg.inv(self.precisions), dtype=np.float64)
 
-    def moved_by(self, offset: Array) -> "PrecisionGaussian":
+    def translated_by(self, offset: Array) -> "PrecisionGaussian":
         """Return the density of p + ``offset``, shape (r,)."""
         return PrecisionGaussian(self.means[0] + offset, self.precisions[0])

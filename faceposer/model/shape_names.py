@@ -54,14 +54,14 @@ class NameMatch:
     others: tuple[str, ...]
 
 
-def whole_of(name: str) -> str:
+def whole_shape_of(name: str) -> str:
     """Return the whole shape of a half in ``SPLIT_SHAPES``; any other ``name`` is returned unchanged."""
     return re.sub("(Left|Right)$", "", name) if name in SPLIT_SHAPES else name
 
 
-def halves_of(name: str) -> tuple[str, ...]:
+def half_shapes_of(name: str) -> tuple[str, ...]:
     """Return the left and right half of the shape ``name``, or an empty tuple if it is never split."""
-    return tuple(half for half in SPLIT_SHAPES if whole_of(half) == name)
+    return tuple(half for half in SPLIT_SHAPES if whole_shape_of(half) == name)
 
 
 def makers(name: str, have: Collection[str]) -> tuple[str, ...]:
@@ -71,10 +71,10 @@ def makers(name: str, have: Collection[str]) -> tuple[str, ...]:
     """
     if name in have:
         return (name,)
-    whole = whole_of(name)
+    whole = whole_shape_of(name)
     if whole != name:
         return (whole,) if whole in have else ()
-    return tuple(half for half in halves_of(name) if half in have)
+    return tuple(half for half in half_shapes_of(name) if half in have)
 
 
 def weight_map(names: Sequence[str], given: Sequence[str]) -> NDArray[np.float64]:
@@ -133,7 +133,7 @@ def match_arkit(names: Iterable[str], where: str) -> NameMatch:
                 "remove one of them."
             )
         owners[shape] = name
-    have = {whole_of(shape) for shape in owners}
+    have = {whole_shape_of(shape) for shape in owners}
     return NameMatch(
         {name: shape for name, shape in found.items() if shape is not None},
         tuple(shape for shape in ARKIT_SHAPES if shape not in have),

@@ -137,7 +137,7 @@ def _gaze(model: FaceModel, camera: Camera, pixels: Mapping[str, Array]) -> list
     points = SurfacePoints.at_vertices(vertices)
 
     def project_pupils(angles: Array) -> Array:
-        pose = GazeConstraint((float(angles[0]), float(angles[1]))).moved_start(model, model.neutral())
+        pose = GazeConstraint((float(angles[0]), float(angles[1]))).offset_start(model, model.neutral())
         return camera.project(model.positions_at(points, pose)).ravel()
 
     most = np.array([MOST_YAW, MOST_PITCH])

@@ -15,7 +15,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.shape_names import SPLIT_SHAPES, halves_of, whole_of
+from faceposer.model.shape_names import SPLIT_SHAPES, half_shapes_of, whole_shape_of
 from faceposer.poses.pose_file import Pose
 
 Array = NDArray[np.float64]
@@ -62,12 +62,12 @@ def _in_rig_shapes(name: str, weight: float, weights: Mapping[str, float], rig: 
     """Return the weight of the shape ``name`` by the names of the ``rig``: the same, its halves, or its whole."""
     if name in rig:
         return {name: weight}
-    halves = halves_of(name)
+    halves = half_shapes_of(name)
     if halves and all(half in rig for half in halves):
         return dict.fromkeys(halves, weight)
-    whole = whole_of(name)
+    whole = whole_shape_of(name)
     if whole != name and whole in rig:
-        return {whole: float(np.mean([weights.get(half, 0.0) for half in halves_of(whole)]))}
+        return {whole: float(np.mean([weights.get(half, 0.0) for half in half_shapes_of(whole)]))}
     return {}
 
 

@@ -146,7 +146,7 @@ class PoseLibrary:
             raise FacePoserError(f"The pose '{path}' cannot be deleted: {error.strerror}.") from error
 
 
-def own_folder() -> Path:
+def default_pose_folder() -> Path:
     """Return the default folder of the user's poses, which may not exist."""
     return data_folder() / "poses"
 

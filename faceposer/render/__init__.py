@@ -1,1 +1,1 @@
-"""Rendering with OpenGL: the face, offscreen images, films. No window system."""
+"""Rendering with OpenGL, without a window system: the face, offscreen images and videos."""

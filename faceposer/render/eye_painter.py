@@ -1,4 +1,4 @@
-"""Draws eyeballs and lashes, which have shaders of their own."""
+"""Rendering of eyeballs and lashes, which have separate shaders."""
 
 from typing import Any
 
@@ -12,16 +12,16 @@ from faceposer.render.mesh_buffers import MeshBuffers
 
 
 class EyePainter:
-    """The eyes of one character at a time.
+    """Renderer of the eyes of one character at a time.
 
     Attributes:
-        programs: That of eyeballs and that of lashes; whoever draws sets their matrices.
-        camera: Under which they are drawn; None before the first picture.
-        shading: Follows the eyes; None before there is a character.
+        programs: Programs of eyeballs and lashes; the caller sets their matrices.
+        camera: The camera; None before the first image.
+        shading: Tracker of the eyes; None before a character is set.
     """
 
     def __init__(self, ctx: moderngl.Context, eye: moderngl.Program, lashes: moderngl.Program) -> None:
-        """Draw with the programs ``eye`` and ``lashes``, which are released with the painter."""
+        """Initialise with the programs ``eye`` and ``lashes``, which are released with the painter."""
         self._ctx = ctx
         self.programs = (eye, lashes)
         self._arrays: dict[str, moderngl.VertexArray] = {}
@@ -29,7 +29,7 @@ class EyePainter:
         self.shading: EyeShading | None = None
 
     def set_buffers(self, buffers: MeshBuffers) -> None:
-        """Draw the eyes of the character of ``buffers`` from now on."""
+        """Use the eyes of the character in ``buffers`` from now on."""
         self.release_character()
         self.shading = EyeShading(buffers.character)
         uv = (buffers.uvs, "2f", "uv")
@@ -43,7 +43,7 @@ class EyePainter:
         }
 
     def draw(self, part: Part, triangles: tuple[int, int], texture: moderngl.Texture | None) -> bool:
-        """Draw the triangles of ``part``, from first to before last, if it is eye or lashes; return whether it is."""
+        """Draw the ``triangles`` (first, last + 1) of ``part`` if it is an eye or lashes; return True if it is."""
         if self.shading is None or self.camera is None or part.material not in self._arrays:
             return False
         eye, lashes = self.programs
@@ -53,7 +53,7 @@ class EyePainter:
         else:
             ball = self.shading.eyes[part.name]
             _set(eye, centre=tuple(ball.centre.tolist()), radius=ball.radius, own_picture=ball.own_picture)
-            # GLSL keeps matrices by columns.
+            # GLSL stores matrices by columns.
             _set(eye, turn=tuple(ball.turn.T.ravel().tolist()))
             _set(eye, catchlight=tuple(ball.catchlight(self.camera).tolist()))
             _set(eye, corners=ball.corners, lids=[tuple(row) for row in ball.lids.tolist()])
@@ -65,7 +65,7 @@ class EyePainter:
         return True
 
     def release_character(self) -> None:
-        """Free what belongs to the character."""
+        """Free the data of the character."""
         for array in self._arrays.values():
             array.release()
         self._arrays = {}
@@ -79,7 +79,7 @@ class EyePainter:
 
 
 def _set(program: moderngl.Program, **values: Any) -> None:
-    """Set uniforms, those left out that the compiler has found not to be needed."""
+    """Set uniforms, except those that the compiler has removed as unused."""
     for name, value in values.items():
         if name in program:
             program[name].value = value  # type: ignore[union-attr]

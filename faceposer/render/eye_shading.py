@@ -1,8 +1,8 @@
-"""What the shaders of eyes and lashes need to know of the pose and of the camera.
+"""Inputs of the eye and lash shaders that depend on pose and camera.
 
-A ball is followed as a rigid body; where its lids end on it is a table of elevations over azimuths, from which the
-shader takes the lids' soft shadow; the catchlight is the picture of a soft box beside the camera in the cornea, kept on
-the cornea and between the lids however the eye turns, as photographers place it.
+An eyeball is tracked as a rigid body. The margins of its lids are a table of elevations over azimuths, from which the
+shader computes the soft shadow of the lids. The catchlight is the reflection in the cornea of a soft box next to the
+camera, kept on the cornea and between the lids for every gaze, as photographers place it.
 """
 
 import math
@@ -19,19 +19,19 @@ from faceposer.training.eyes import eye_uv
 
 Array = NDArray[np.float64]
 
-#: Columns of the table of lids that the shader reads (shaders/eye.frag).
+#: Columns of the lid table that the shader reads (shaders/eye.frag).
 COLUMNS = 17
-# Where the soft box stands in camera space, which has y down and z forward.
+# Position of the soft box in camera space (y down, z forward).
 _SOFT_BOX = np.array([-0.42, -0.40, -0.82])
-# The cornea is curved more than the ball: its normals turn this much faster, up to this angle from the gaze.
-_STEEPER, _STEEPEST = 1.6, np.radians(28.0)
-# How far from the margins of the upper and the lower lid the catchlight stays, in radians.
-_BELOW_UPPER, _ABOVE_LOWER = np.radians(5.0), np.radians(4.0)
-# Vertices that a ball is followed by, and beyond which distance from the sphere, in radii, they are the cornea's.
-_FOLLOWED, _ON_SPHERE = 64, 0.012
-# Texture coordinates may differ by this from those of the program's own pictures of eyes.
-_SAME_PICTURE = 0.02
-# Lashes fade over this angle, in radians, around where the nose hides their eye.
+# The cornea is more curved than the ball: ratio of their normals' angles, and largest angle from the gaze.
+_CORNEA_RATIO, _CORNEA_ANGLE = 1.6, np.radians(28.0)
+# Smallest angles between the catchlight and the margins of the upper and lower lid, in radians.
+_UPPER_MARGIN, _LOWER_MARGIN = np.radians(5.0), np.radians(4.0)
+# Number of tracked vertices of a ball, and distance from the sphere, in radii, beyond which they belong to the cornea.
+_TRACKED_VERTICES, _SPHERE_TOLERANCE = 64, 0.012
+# Tolerance of texture coordinates compared to the layout of the built-in eye textures.
+_UV_TOLERANCE = 0.02
+# Angle over which lashes fade, in radians, where the nose begins to hide their eye.
 _FADE = np.radians(7.0)
 
 
@@ -40,12 +40,12 @@ class Eye:
     """An eyeball in a pose.
 
     Attributes:
-        centre: Shape (3,).
-        radius: Of the sphere, without the cornea.
-        turn: Rotation since the neutral pose, shape (3, 3); its third column is the gaze.
-        corners: Azimuths of inner and outer end of the opening, seen from the centre.
-        lids: Elevations of upper and lower margin at `COLUMNS` azimuths between them, shape (COLUMNS, 2).
-        own_picture: Whether the texture is seen along the gaze axis as those of the program's own eyes are.
+        centre: Centre, shape (3,).
+        radius: Radius of the sphere, without the cornea.
+        turn: Rotation from the neutral pose, shape (3, 3); its third column is the gaze.
+        corners: Azimuths of the inner and outer end of the opening, as seen from the centre.
+        lids: Elevations of the upper and lower margin at ``COLUMNS`` azimuths between them, shape (COLUMNS, 2).
+        own_picture: True if the texture is projected along the gaze axis like the built-in eye textures.
     """
 
     centre: Array
@@ -57,29 +57,30 @@ class Eye:
 
     @property
     def gaze(self) -> Array:
-        """The direction that it looks in, shape (3,)."""
+        """Direction of the gaze, shape (3,)."""
         gaze: Array = self.turn[:, 2]
         return gaze
 
     def catchlight(self, camera: Camera) -> Array:
-        """Return the direction from the centre, shape (3,), in which the soft box is mirrored for ``camera``."""
+        """Return the direction from the centre, shape (3,), in which ``camera`` sees the reflection of the soft box."""
         to_camera = camera.center - (self.centre + self.radius * self.gaze)
         half = camera.rotation.T @ _SOFT_BOX + to_camera / np.linalg.norm(to_camera)
         half /= np.linalg.norm(half)
         angle = float(np.arccos(np.clip(half @ self.gaze, -1.0, 1.0)))
-        aside = half - (half @ self.gaze) * self.gaze
-        aside /= max(float(np.linalg.norm(aside)), 1e-9)
-        on_cornea = _STEEPEST * np.tanh(angle / _STEEPEST) / _STEEPER
-        azimuth, elevation = angles_of((np.cos(on_cornea) * self.gaze + np.sin(on_cornea) * aside)[None])[0].tolist()
+        sideways = half - (half @ self.gaze) * self.gaze
+        sideways /= max(float(np.linalg.norm(sideways)), 1e-9)
+        cornea_angle = _CORNEA_ANGLE * np.tanh(angle / _CORNEA_ANGLE) / _CORNEA_RATIO
+        direction = np.cos(cornea_angle) * self.gaze + np.sin(cornea_angle) * sideways
+        azimuth, elevation = angles_of(direction[None])[0].tolist()
         upper, lower = self.opening(azimuth)
-        if upper - lower < _BELOW_UPPER + _ABOVE_LOWER:
-            elevation = lower + (upper - lower) * _ABOVE_LOWER / (_BELOW_UPPER + _ABOVE_LOWER)
+        if upper - lower < _UPPER_MARGIN + _LOWER_MARGIN:
+            elevation = lower + (upper - lower) * _LOWER_MARGIN / (_UPPER_MARGIN + _LOWER_MARGIN)
         else:
-            elevation = min(max(elevation, lower + _ABOVE_LOWER), upper - _BELOW_UPPER)
+            elevation = min(max(elevation, lower + _LOWER_MARGIN), upper - _UPPER_MARGIN)
         return directions_of(azimuth, elevation)
 
     def opening(self, azimuth: float) -> tuple[float, float]:
-        """Return the elevations of the upper and the lower margin at ``azimuth``."""
+        """Return the elevations of the upper and lower lid margin at ``azimuth``."""
         columns = np.linspace(*self.corners, COLUMNS)
         return tuple(float(np.interp(azimuth, columns, lid)) for lid in self.lids.T)  # type: ignore[return-value]
 
@@ -91,16 +92,17 @@ class _Ball:
         first, last = part.vertices
         points = character.vertices[first:last].astype(np.float64)
         centre, radius = fit_sphere(points)
-        off = np.abs(np.linalg.norm(points - centre, axis=1) - radius)
-        if (round_ones := points[off <= max(_ON_SPHERE * radius, float(np.median(off)))]).size >= 12:
-            centre, radius = fit_sphere(round_ones)
+        distances = np.abs(np.linalg.norm(points - centre, axis=1) - radius)
+        on_sphere = points[distances <= max(_SPHERE_TOLERANCE * radius, float(np.median(distances)))]
+        if on_sphere.size >= 12:
+            centre, radius = fit_sphere(on_sphere)
         self.centre, self.radius = centre, radius
-        self._ids = first + np.unique(np.linspace(0, last - first - 1, _FOLLOWED).astype(int))
-        followed = character.vertices[self._ids].astype(np.float64)
-        self._middle = followed.mean(axis=0)
-        self._rest = followed - self._middle
+        self._ids = first + np.unique(np.linspace(0, last - first - 1, _TRACKED_VERTICES).astype(int))
+        tracked = character.vertices[self._ids].astype(np.float64)
+        self._middle = tracked.mean(axis=0)
+        self._rest = tracked - self._middle
         self._margins: LidMargins | None = find_lid_margins(character.vertices, skin, centre, radius)
-        self._own_picture = _has_own_picture(character, part, points)
+        self._own_picture = _has_built_in_layout(character, part, points)
 
     def posed(self, vertices: NDArray[np.float32]) -> Eye:
         """Return the ball in the pose ``vertices``, shape (N, 3)."""
@@ -119,10 +121,10 @@ class _Ball:
 
     def _opening(self, vertices: NDArray[np.float32], centre: Array) -> tuple[tuple[float, float], Array]:
         if self._margins is None:
-            # No lids: nothing shades the ball.
+            # Without lids, nothing shades the ball.
             return (-1.5, 1.5), np.tile([1.5, -1.5], (COLUMNS, 1))
         upper, lower = self._margins.angles(vertices, centre)
-        # The corners lie a little beyond the last points, where both lids meet.
+        # The corners, where both lids meet, are slightly beyond the last points.
         ends = [0.5 * (upper[end] + lower[end]) for end in (0, -1)]
         step = float(upper[-1, 0] - upper[0, 0]) / (len(upper) - 1)
         corners = (float(ends[0][0]) - 0.7 * step, float(ends[1][0]) + 0.7 * step)
@@ -136,14 +138,14 @@ class _Ball:
 
 
 class EyeShading:
-    """Follows the eyes of one character.
+    """Tracker of the eyes of one character.
 
     Attributes:
-        eyes: The eyeballs as they are now, by the names of their parts.
+        eyes: The eyeballs in the current pose, by the names of their parts.
     """
 
     def __init__(self, character: Character) -> None:
-        """Find the eyes of ``character`` and the margins of their lids."""
+        """Detect the eyes of ``character`` and the margins of their lids."""
         skins = [slice(*character.part_triangles(part)) for part in character.parts if part.material == "skin"]
         skin = (
             np.concatenate([character.triangles[run] for run in skins]) if skins else np.zeros((0, 3), dtype=np.int32)
@@ -151,15 +153,15 @@ class EyeShading:
         self._balls = {part.name: _Ball(character, part, skin) for part in character.parts if part.material == "eye"}
         self.eyes: dict[str, Eye] = {}
         self._lashes = {part.name: self._nearest_eye(character, part) for part in character.parts}
-        self._hidden_from = {name: _hidden_from(character, ball, skin) for name, ball in self._balls.items()}
+        self._nose_angles = {name: _nose_angle(character, ball, skin) for name, ball in self._balls.items()}
         self.update(character.vertices)
 
     def update(self, vertices: NDArray[np.float32]) -> None:
-        """Take over a pose, shape (N, 3)."""
+        """Update the eyes to the pose ``vertices``, shape (N, 3)."""
         self.eyes = {name: ball.posed(vertices) for name, ball in self._balls.items()}
 
     def lashes_seen(self, part: Part, camera: Camera) -> float:
-        """Return the opacity of the lashes ``part``: 0 where the nose hides their eye from ``camera``, else 1."""
+        """Return the opacity of the lashes ``part``: 0 if the nose hides their eye from ``camera``, else 1."""
         name = self._lashes.get(part.name)
         if name is None:
             return 1.0
@@ -168,7 +170,7 @@ class EyeShading:
         across = -np.sign(ball.centre[0]) * x
         if across <= 0.0:
             return 1.0
-        t = float(np.clip((self._hidden_from[name] + _FADE - np.arctan2(across, z)) / (2.0 * _FADE), 0.0, 1.0))
+        t = float(np.clip((self._nose_angles[name] + _FADE - np.arctan2(across, z)) / (2.0 * _FADE), 0.0, 1.0))
         return t * t * (3.0 - 2.0 * t)
 
     def _nearest_eye(self, character: Character, part: Part) -> str | None:
@@ -178,8 +180,8 @@ class EyeShading:
         return min(self._balls, key=lambda name: float(np.linalg.norm(self._balls[name].centre - middle)))
 
 
-def _hidden_from(character: Character, ball: _Ball, skin: NDArray[np.integer]) -> float:
-    """Return the angle towards the other side beyond which the nose hides the front of the ball from a camera."""
+def _nose_angle(character: Character, ball: _Ball, skin: NDArray[np.integer]) -> float:
+    """Return the angle towards the other side, in radians, beyond which the nose hides the front of the ball."""
     front = ball.centre + [0.0, 0.0, ball.radius]
     points = character.vertices[np.unique(skin)].astype(np.float64) - front
     towards = -np.sign(ball.centre[0]) * points[:, 0]
@@ -189,10 +191,10 @@ def _hidden_from(character: Character, ball: _Ball, skin: NDArray[np.integer]) -
     return float(np.pi / 2.0 - np.arctan2(points[nose, 2], towards[nose]).max())
 
 
-def _has_own_picture(character: Character, part: Part, points: Array) -> bool:
-    """Whether the texture of an eye is seen along the gaze axis, its radius in proportion to the angle."""
+def _has_built_in_layout(character: Character, part: Part, points: Array) -> bool:
+    """Return True if an eye's texture is projected along the gaze axis, with the radius proportional to the angle."""
     corners = slice(*part.polygons)
     used, first = np.unique(character.polygons[corners], return_index=True)
     uv = character.uv[character.polygon_uvs[corners].ravel()[first]][used >= 0]
-    wanted = eye_uv(points)[used[used >= 0] - part.vertices[0]]
-    return bool(np.median(np.abs(uv - wanted)) < _SAME_PICTURE)
+    expected = eye_uv(points)[used[used >= 0] - part.vertices[0]]
+    return bool(np.median(np.abs(uv - expected)) < _UV_TOLERANCE)

@@ -1,4 +1,4 @@
-"""Finds the program that writes MP4."""
+"""Discovery of ffmpeg, the program that writes MP4."""
 
 import functools
 import shutil
@@ -6,18 +6,18 @@ import shutil
 from faceposer.errors import FacePoserError
 
 _MISSING = (
-    "MP4 needs ffmpeg, which is not found: install it, or its Python package with pip install 'faceposer[films]', or "
+    "MP4 needs ffmpeg, which was not found; install it, or its Python package with pip install 'faceposer[films]', or "
     "write a .gif instead."
 )
 
 
 def missing_ffmpeg() -> str:
-    """Return why MP4 cannot be written here and how to change that, or "" if it can."""
+    """Return a message with the remedy if ffmpeg is missing, or ""."""
     return "" if _ffmpeg() else _MISSING
 
 
 def find_ffmpeg() -> str:
-    """Return the program that writes MP4: the system's ffmpeg, or else that of the package imageio-ffmpeg.
+    """Return the path of ffmpeg: that of the system, or else that of the package imageio-ffmpeg.
 
     Raises:
         FacePoserError: If neither is installed.
@@ -34,7 +34,7 @@ def _ffmpeg() -> str | None:
 
 @functools.cache
 def bundled_ffmpeg() -> str | None:
-    """Return the ffmpeg that comes with the optional package imageio-ffmpeg, or None."""
+    """Return the path of ffmpeg in the optional package imageio-ffmpeg, or None."""
     try:
         import imageio_ffmpeg
 

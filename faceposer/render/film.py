@@ -1,4 +1,4 @@
-"""Films in files, drawn frame by frame and written atomically: GIF, and MP4 through the program ffmpeg."""
+"""Video files, rendered frame by frame and written atomically: GIF, and MP4 by the program ffmpeg."""
 
 import subprocess
 import tempfile
@@ -14,55 +14,58 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
 from faceposer.render.ffmpeg import find_ffmpeg
-from faceposer.render.images import reduced, shared_palette, write_reduced
+from faceposer.render.images import shared_palette, with_palette, write_palette_images
 
-Picture = NDArray[np.uint8]
-#: Draws the frame of this number, shape (height, width, 3).
-Draw = Callable[[int], Picture]
+Pixels = NDArray[np.uint8]
+#: Function that renders the frame with the given index, shape (height, width, 3).
+RenderFrame = Callable[[int], Pixels]
 
-#: Delays of GIF are hundredths of a second, and browsers show less than two of them as ten.
-FASTEST_GIF = 50.0
-# Hundredths of a second, which GIF keeps in 16 bits.
+#: Highest frame rate: GIF delays are hundredths of a second, and browsers show a delay of 1 as 10.
+MAX_GIF_RATE = 50.0
+# Longest delay in hundredths of a second, which GIF stores in 16 bits.
 _LONGEST_DELAY = 65535
 _GIF_COLOURS = 255
-_SHOWN_OF_LOG = 200
+# Number of characters of ffmpeg's log that a message quotes.
+_QUOTED_LOG = 200
 
 
-def write_gif(path: Path, draw: Draw, count: int, rate: float) -> Generator[float, None, None]:
-    """Write ``count`` frames as an endless GIF, and tell after each which share is done.
+def write_gif(path: Path, render: RenderFrame, count: int, rate: float) -> Generator[float, None, None]:
+    """Write ``count`` frames as an endless GIF, yielding the completed share after each.
 
-    Frames last whole hundredths of a second such that all of them together take the time that they should.
+    Delays are rounded to hundredths of a second such that the total duration is kept.
 
     Raises:
-        FacePoserError: If the file cannot be written, or frames would last longer than a GIF can say.
+        FacePoserError: If the file cannot be written, or frames would last longer than GIF can store.
     """
     ends = np.round(100.0 * np.arange(count + 1) / rate).astype(int)
     if np.diff(ends).max() > _LONGEST_DELAY:
         raise FacePoserError(
-            f"A GIF shows a frame for {_LONGEST_DELAY / 100:.0f} seconds at most, and {rate:g} frames a second take "
-            "longer; choose a higher rate."
+            f"A GIF shows a frame for {_LONGEST_DELAY / 100:.0f} seconds at most, which {rate:g} frames per second "
+            "exceed; choose a higher rate."
         )
-    places = sorted({0, count // 4, count // 2, count - 1})
-    palette = shared_palette([Image.fromarray(draw(i)) for i in places], _GIF_COLOURS, keep_rare=True)
-    pictures = []
+    samples = sorted({0, count // 4, count // 2, count - 1})
+    palette = shared_palette([Image.fromarray(render(i)) for i in samples], _GIF_COLOURS, keep_rare=True)
+    images = []
     for i in range(count):
-        pictures.append(reduced(Image.fromarray(draw(i)), palette))
+        images.append(with_palette(Image.fromarray(render(i)), palette))
         yield (i + 1) / (count + 1)
-    write_reduced(path, pictures, (10 * np.diff(ends)).tolist())
+    write_palette_images(path, images, (10 * np.diff(ends)).tolist())
 
 
-def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, int]) -> Generator[float, None, None]:
-    """Write ``count`` frames of ``size``, both even, as MP4, and tell after each which share is done.
+def write_mp4(
+    path: Path, render: RenderFrame, count: int, rate: float, size: tuple[int, int]
+) -> Generator[float, None, None]:
+    """Write ``count`` frames of ``size``, two even numbers, as MP4, yielding the completed share after each.
 
     Raises:
-        FacePoserError: If there is no ffmpeg, or it cannot write the file, with what it says.
+        FacePoserError: If there is no ffmpeg, or it cannot write the file; the message quotes its log.
     """
     program = find_ffmpeg()
-    taken = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}", "-r", f"{rate:.6g}", "-i", "-"]
-    made = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
-    with atomic_file(path, "film") as temporary, tempfile.TemporaryFile() as log:
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}", "-r", f"{rate:.6g}", "-i", "-"]
+    target = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
+    with atomic_file(path, "video") as temporary, tempfile.TemporaryFile() as log:
         process = subprocess.Popen(
-            [program, "-y", "-loglevel", "error", *taken, *made, str(temporary)],
+            [program, "-y", "-loglevel", "error", *source, *target, str(temporary)],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=log,
@@ -70,7 +73,7 @@ def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, 
         assert process.stdin is not None
         try:
             for i in range(count):
-                process.stdin.write(draw(i).tobytes())
+                process.stdin.write(render(i).tobytes())
                 yield (i + 1) / (count + 1)
             process.stdin.close()
             if process.wait() != 0:
@@ -79,7 +82,7 @@ def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, 
             process.wait()
             raise _failure(path, log) from error
         finally:
-            # Closing sends what waits, which nobody may want any more.
+            # Closing flushes the buffer, which fails if ffmpeg has ended.
             with suppress(OSError):
                 process.stdin.close()
             if process.poll() is None:
@@ -89,5 +92,5 @@ def write_mp4(path: Path, draw: Draw, count: int, rate: float, size: tuple[int, 
 
 def _failure(path: Path, log: IO[bytes]) -> FacePoserError:
     log.seek(0)
-    said = " ".join(log.read().decode("utf-8", "replace").split())[-_SHOWN_OF_LOG:] or "it gives no reason"
-    return FacePoserError(f"The film '{path}' cannot be written by ffmpeg ({said}); write a .gif instead.")
+    reason = " ".join(log.read().decode("utf-8", "replace").split())[-_QUOTED_LOG:] or "no reason given"
+    return FacePoserError(f"ffmpeg cannot write the video '{path}' ({reason}); write a .gif instead.")

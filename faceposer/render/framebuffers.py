@@ -1,4 +1,4 @@
-"""Framebuffers: the picture of the face, multisampled or not, and the picture of its triangles for picking."""
+"""Framebuffers: the image of the face, optionally multisampled, and the image of triangle indices for picking."""
 
 import moderngl
 import numpy as np
@@ -11,7 +11,7 @@ Size = tuple[int, int]
 
 
 class ColourTarget:
-    """A colour picture with depth; drawn multisampled, it is resolved into ``texture``."""
+    """Colour buffer with depth; a multisampled buffer is resolved into ``texture``."""
 
     def __init__(self, ctx: moderngl.Context, size: Size, samples: int = 0) -> None:
         """Allocate ``size`` pixels with ``samples`` per pixel; 0 for no multisampling."""
@@ -26,32 +26,32 @@ class ColourTarget:
 
     @property
     def framebuffer(self) -> moderngl.Framebuffer:
-        """What to draw into."""
+        """The framebuffer to draw to."""
         return self._multisampled or self._resolved
 
     def resolve(self) -> None:
-        """Bring what was drawn into ``texture``."""
+        """Copy the multisampled buffer, if there is one, to ``texture``."""
         if self._multisampled is not None:
             self.ctx.copy_framebuffer(self._resolved, self._multisampled)
 
     def read(self) -> NDArray[np.uint8]:
-        """Return the resolved picture, top row first, shape (height, width, 3)."""
+        """Return the resolved image, top row first, shape (height, width, 3)."""
         data = np.frombuffer(self._resolved.read(components=3, alignment=1), dtype=np.uint8)
         return np.ascontiguousarray(data.reshape(self.size[1], self.size[0], 3)[::-1])
 
     def read_transparent(self) -> NDArray[np.uint8]:
-        """Return what was drawn over nothing, with straight alpha, top row first, shape (height, width, 4).
+        """Return the resolved image with straight alpha, top row first, shape (height, width, 4).
 
-        What was drawn must have been blended with premultiplied alpha; where it covers nothing, it is black.
+        The buffer must have been blended with premultiplied alpha; pixels that nothing covers are black.
         """
         data = np.frombuffer(self._resolved.read(components=4, alignment=1), dtype=np.uint8)
-        picture = data.reshape(self.size[1], self.size[0], 4)[::-1].copy()
-        partial = (picture[..., 3] > 0) & (picture[..., 3] < 255)
-        values = picture[partial].astype(np.float32)
+        image = data.reshape(self.size[1], self.size[0], 4)[::-1].copy()
+        partial = (image[..., 3] > 0) & (image[..., 3] < 255)
+        values = image[partial].astype(np.float32)
         values[:, :3] *= 255.0 / values[:, 3:]
-        picture[partial] = np.rint(np.minimum(values, 255.0)).astype(np.uint8)
-        picture[picture[..., 3] == 0] = 0
-        return picture
+        image[partial] = np.rint(np.minimum(values, 255.0)).astype(np.uint8)
+        image[image[..., 3] == 0] = 0
+        return image
 
     def release(self) -> None:
         """Free the memory."""
@@ -63,10 +63,10 @@ class ColourTarget:
 
 
 class IdTarget:
-    """The index of the triangle seen at each pixel, redrawn only when the face or the camera has changed."""
+    """Index of the visible triangle at each pixel, redrawn only if the face or the camera has changed."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        """Allocate nothing yet."""
+        """Initialise; memory is allocated on first use."""
         self._ctx = ctx
         self._framebuffer: moderngl.Framebuffer | None = None
         self._key: object = None
@@ -75,13 +75,13 @@ class IdTarget:
     def at(
         self, renderer: Renderer, camera: Camera, revision: object, pixels: NDArray[np.float64]
     ) -> NDArray[np.int64]:
-        """Return the triangles seen at ``pixels``, shape (n, 2), or -1 each, shape (n,).
+        """Return the visible triangles at ``pixels``, shape (n,), -1 where there is none.
 
         Args:
-            renderer: Holds the pose.
-            camera: Under which to look.
-            revision: Names the pose, so that the picture is not drawn again for the same.
-            pixels: From the top left.
+            renderer: Renderer with the pose.
+            camera: The camera.
+            revision: Identifies the pose, so that the image is redrawn only for another.
+            pixels: Pixels from the top left, shape (n, 2).
         """
         width, height = camera.size
         columns, rows = np.floor(np.clip(pixels, -1.0, 1e6)).astype(np.int64).T

@@ -1,4 +1,4 @@
-"""Writes pictures to files, each all or nothing."""
+"""Writers of image files, each written atomically."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,34 +10,38 @@ from PIL import Image
 
 from faceposer.files.atomic import atomic_file
 
-# Of an animation's shared palette: more would cost bytes without showing where most of it is a window.
+# Size of an animation's shared palette; recordings of the window gain nothing from more colours.
 _COLOURS = 160
 
 
-def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write ``picture``, shape (height, width, 3), or 4 with straight alpha, as PNG.
+def write_png(path: Path, image: NDArray[np.uint8]) -> None:
+    """Write ``image``, shape (height, width, 3), or 4 channels with straight alpha, as PNG.
 
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    _write(path, lambda temporary: Image.fromarray(picture).save(temporary, format="PNG", compress_level=6))
+    _write(path, lambda temporary: Image.fromarray(image).save(temporary, format="PNG", compress_level=6))
 
 
-def write_animation(path: Path, pictures: Sequence[Image.Image], milliseconds: Sequence[int]) -> None:
-    """Write ``pictures``, at least one, as an animated GIF that shows each for its ``milliseconds``, again and again.
+def write_animation(path: Path, images: Sequence[Image.Image], milliseconds: Sequence[int]) -> None:
+    """Write ``images``, at least one, as an endless GIF that shows each for its ``milliseconds``.
 
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    palette = shared_palette([pictures[i] for i in (0, len(pictures) // 2, -1)])
-    write_reduced(path, [reduced(picture, palette) for picture in pictures], milliseconds)
+    palette = shared_palette([images[i] for i in (0, len(images) // 2, -1)])
+    write_palette_images(path, [with_palette(image, palette) for image in images], milliseconds)
 
 
 def shared_palette(samples: Sequence[Image.Image], colours: int = _COLOURS, keep_rare: bool = False) -> Image.Image:
-    """Return a picture with the palette for an animation that has ``samples``, of one size, at its most different.
+    """Return an image with a palette for all frames of an animation.
 
-    Palettes of their own would make still parts flicker. With ``keep_rare`` what covers little, as lips do, keeps its
-    colour, at the cost of the fine steps of what covers much.
+    Separate palettes would make static parts flicker.
+
+    Args:
+        samples: The most different frames, of the same size.
+        colours: Number of colours.
+        keep_rare: Preserve the colours of small areas, such as lips, at the cost of fine gradations in large areas.
     """
     strip = Image.new("RGB", (samples[0].width, sum(sample.height for sample in samples)))
     for i, sample in enumerate(samples):
@@ -47,18 +51,18 @@ def shared_palette(samples: Sequence[Image.Image], colours: int = _COLOURS, keep
     return strip.quantize(colours, Image.Quantize.MEDIANCUT)
 
 
-def reduced(picture: Image.Image, palette: Image.Image) -> Image.Image:
-    """Return ``picture`` in the colours of ``palette``, a third of its bytes."""
-    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+def with_palette(image: Image.Image, palette: Image.Image) -> Image.Image:
+    """Convert ``image`` to the colours of ``palette``, which takes a third of the memory."""
+    return image.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
-def write_reduced(path: Path, pictures: Sequence[Image.Image], milliseconds: Sequence[int]) -> None:
-    """Write ``pictures`` of one palette, at least one, as ``write_animation`` does.
+def write_palette_images(path: Path, images: Sequence[Image.Image], milliseconds: Sequence[int]) -> None:
+    """Write ``images`` with a common palette, at least one, as ``write_animation`` does.
 
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    first, *others = pictures
+    first, *others = images
     _write(
         path,
         lambda temporary: first.save(
@@ -74,12 +78,12 @@ def write_reduced(path: Path, pictures: Sequence[Image.Image], milliseconds: Seq
 
 
 def _write(path: Path, save: Callable[[Path], None]) -> None:
-    with atomic_file(path, "picture") as temporary:
+    with atomic_file(path, "image") as temporary:
         save(temporary)
 
 
 def drawn_pixels(ctx: moderngl.Context, size: tuple[int, int], draw: Callable[[], None]) -> NDArray[np.uint8]:
-    """Return what ``draw`` draws into ``size`` pixels, top row first, shape (height, width, 3)."""
+    """Return the image that ``draw`` renders to ``size`` pixels, top row first, shape (height, width, 3)."""
     buffer = ctx.simple_framebuffer(size, 3)
     buffer.use()
     buffer.clear(0.0, 0.0, 0.0, 1.0)

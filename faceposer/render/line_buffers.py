@@ -1,4 +1,4 @@
-"""The GPU's copy of a character's expression lines: where they lie, and how strong the pose makes them."""
+"""Expression lines of a character on the GPU: their place in the map, and their strength in the pose."""
 
 from functools import lru_cache
 
@@ -10,32 +10,33 @@ from faceposer.model.character import Character
 from faceposer.model.expression_line_map import EXTENT, LAYERS, line_heights
 from faceposer.model.expression_lines import ZONES, ExpressionLines, expression_lines, strength_map
 
-# Units of the textures; unit 0 has that of the material.
+# Texture units; unit 0 is that of the material.
 _HEIGHTS, _STRENGTHS = 1, 2
-# Heights of less than this many centimetres do not show; lines are looked for in blocks of so many samples each way.
+# Height in centimetres below which lines are invisible.
 _FLAT = 4e-4
+# Side of the blocks, in samples, in which the map is searched for lines.
 _BLOCK = 5
 
 
 class LineBuffers:
-    """Expression lines of one character. They are prepared when a pose needs them first: the neutral face has none.
+    """Expression lines of one character, prepared when a pose first needs them; the neutral face has none.
 
     Attributes:
-        places: Three floats per vertex drawn: its place in the map of the lines, and how far it is skin that has any.
-        triangles: Indices of all triangles, those that lines cross last in their part; None where there are no lines.
-        first_lined: The first of these, counted over all triangles, by the name of the part.
+        places: Three floats per vertex of the buffers: its place in the map of lines, and the lines' visibility there.
+        triangles: Indices of all triangles, with those crossed by lines last in each part; None without lines.
+        first_lined: First crossed triangle, counted over all triangles, by the name of the part.
     """
 
     def __init__(
         self, ctx: moderngl.Context, character: Character, source: NDArray[np.intp], indices: NDArray[np.int32]
     ) -> None:
-        """Draw lines on ``character``.
+        """Initialise without preparing the lines.
 
         Args:
-            ctx: Where.
+            ctx: OpenGL context.
             character: The character.
-            source: Vertex of the character that each vertex drawn stands for.
-            indices: Vertices drawn of each triangle, shape (T, 3).
+            source: Vertex of the character for each vertex of the buffers.
+            indices: Vertices of each triangle in the buffers, shape (T, 3).
         """
         self._ctx = ctx
         self._character = character
@@ -44,9 +45,9 @@ class LineBuffers:
         self._lines: ExpressionLines | None = None
         self._prepared = False
         self._vertices: NDArray[np.float32] | None = None
-        self._shown = False
-        none = strength_map(np.zeros(len(ZONES)))
-        self._strengths = ctx.texture((none.shape[1], none.shape[0]), LAYERS, none.tobytes(), dtype="f4")
+        self._visible = False
+        zeros = strength_map(np.zeros(len(ZONES)))
+        self._strengths = ctx.texture((zeros.shape[1], zeros.shape[0]), LAYERS, zeros.tobytes(), dtype="f4")
         self._strengths.repeat_x = self._strengths.repeat_y = False
         self._heights: moderngl.Texture | None = None
         self.places: moderngl.Buffer | None = None
@@ -54,11 +55,11 @@ class LineBuffers:
         self.first_lined: dict[str, int] = {}
 
     def update(self, vertices: NDArray[np.float32]) -> None:
-        """Take over a pose, shape (N, 3); what it means for the lines is found when they are drawn."""
+        """Store the pose ``vertices``, shape (N, 3); the strengths of the lines are computed when they are drawn."""
         self._vertices = vertices
 
     def prepare(self) -> None:
-        """Find where the lines of the character lie, unless that is known; takes some tens of milliseconds."""
+        """Locate the lines of the character unless done before; takes some tens of milliseconds."""
         if self._prepared:
             return
         self._prepared = True
@@ -75,14 +76,14 @@ class LineBuffers:
         self._sort_triangles(places)
         heights = line_heights()
         size = (heights.shape[1], heights.shape[0])
-        # Eight bits would show as steps in the light.
+        # Eight bits would cause visible steps in the shading.
         texture = self._heights = self._ctx.texture(size, LAYERS, heights.astype(np.float16).tobytes(), dtype="f2")
         texture.build_mipmaps()
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         texture.repeat_x = texture.repeat_y = False
 
     def _sort_triangles(self, places: NDArray[np.float32]) -> None:
-        """Put the triangles that lines cross at the end of their part."""
+        """Order the triangles such that those crossed by lines are last in each part."""
         character = self._character
         crossed = _crossed(places[character.triangles])
         order = np.arange(len(crossed))
@@ -94,16 +95,16 @@ class LineBuffers:
         self.triangles = self._ctx.buffer(np.ascontiguousarray(self._indices[order]))
 
     def use(self) -> bool:
-        """Bind the textures and return whether the pose has any lines."""
+        """Bind the textures and return True if the pose has visible lines."""
         if self._vertices is not None:
-            self._shown = self._find_strengths(self._vertices)
+            self._visible = self._update_strengths(self._vertices)
             self._vertices = None
-        if self._shown and self._heights is not None:
+        if self._visible and self._heights is not None:
             self._strengths.use(_STRENGTHS)
             self._heights.use(_HEIGHTS)
-        return self._shown
+        return self._visible
 
-    def _find_strengths(self, vertices: NDArray[np.float32]) -> bool:
+    def _update_strengths(self, vertices: NDArray[np.float32]) -> bool:
         if np.array_equal(vertices, self._character.vertices):
             return False
         self.prepare()
@@ -118,22 +119,25 @@ class LineBuffers:
 
     @property
     def units(self) -> dict[str, int]:
-        """The unit of each texture by the name that shaders have for it."""
+        """Texture units by the names of the samplers in the shaders."""
         return {"line_heights": _HEIGHTS, "line_strengths": _STRENGTHS}
 
     def release(self) -> None:
-        """Free what the GPU holds."""
-        for held in (self._strengths, self._heights, self.places, self.triangles):
-            if held is not None:
-                held.release()
+        """Free the memory on the GPU."""
+        for resource in (self._strengths, self._heights, self.places, self.triangles):
+            if resource is not None:
+                resource.release()
 
 
 def _crossed(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return which triangles have lines in them, shape (T,), by their ``corners`` as places in the map, (T, 3, 3).
+    """Return the mask of triangles crossed by lines, shape (T,).
 
-    A triangle at the border of the skin that has lines has none: where its other corners lie in the map says nothing.
+    Triangles on the border of the skin with lines are excluded, since their outer corners have no valid map places.
+
+    Args:
+        corners: Place in the map and visibility for each corner, shape (T, 3, 3).
     """
-    counts = _lines_below()
+    counts = _cumulative_blocks()
     rows, columns = counts.shape
     low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
     left, bottom = (np.clip(np.floor(low * (columns - 1, rows - 1)), 0, (columns - 1, rows - 1))).astype(int).T
@@ -144,13 +148,13 @@ def _crossed(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 @lru_cache(maxsize=1)
-def _lines_below() -> NDArray[np.int64]:
-    """Return how many blocks with lines lie left of and below each corner of a block, (rows + 1, columns + 1)."""
+def _cumulative_blocks() -> NDArray[np.int64]:
+    """Return the number of blocks with lines to the left of and below each block corner, (rows + 1, columns + 1)."""
     heights = line_heights()
-    lined = np.logical_or.reduce([np.abs(heights[..., layer]) > _FLAT for layer in range(LAYERS)])
-    # A slice for each offset is several times faster than a reduction over short axes.
-    across = np.logical_or.reduce([lined[:, offset::_BLOCK] for offset in range(_BLOCK)])
-    blocks = np.logical_or.reduce([across[offset::_BLOCK] for offset in range(_BLOCK)])
+    has_line = np.logical_or.reduce([np.abs(heights[..., layer]) > _FLAT for layer in range(LAYERS)])
+    # One slice per offset is several times faster than a reduction over short axes.
+    columns = np.logical_or.reduce([has_line[:, offset::_BLOCK] for offset in range(_BLOCK)])
+    blocks = np.logical_or.reduce([columns[offset::_BLOCK] for offset in range(_BLOCK)])
     counts = np.zeros((blocks.shape[0] + 1, blocks.shape[1] + 1), dtype=np.int64)
     counts[1:, 1:] = blocks.cumsum(axis=0).cumsum(axis=1)
     return counts

@@ -1,4 +1,4 @@
-"""The GPU's copy of a character, brought up to date only when the face has changed."""
+"""Vertex and index buffers of a character on the GPU, updated only if the face has changed."""
 
 import io
 
@@ -15,8 +15,8 @@ from faceposer.render.line_buffers import LineBuffers
 _MOST_PIXELS = 1 << 27
 
 
-def drawn_by_processor(ctx: moderngl.Context) -> bool:
-    """Whether the processor draws, not a graphics card."""
+def is_software_renderer(ctx: moderngl.Context) -> bool:
+    """Return True if the CPU renders, without a graphics card."""
     renderer = ctx.info["GL_RENDERER"].lower()
     return any(name in renderer for name in ("llvmpipe", "softpipe", "swiftshader", "swrast"))
 
@@ -24,14 +24,14 @@ def drawn_by_processor(ctx: moderngl.Context) -> bool:
 class MeshBuffers:
     """Vertex and index buffers of one character.
 
-    A vertex on a seam of the texture has several texture coordinates; the GPU wants one per vertex, so such vertices
-    are doubled. ``source`` maps every vertex drawn to the character's vertex.
+    A vertex on a texture seam has several texture coordinates; the GPU allows one per vertex, so such vertices are
+    duplicated. ``source`` maps every vertex of the buffers to the character's vertex.
     """
 
     def __init__(self, ctx: moderngl.Context, character: Character) -> None:
         """Upload the topology of ``character``; ``update`` must follow before anything is drawn."""
         self.character = character
-        # A pair of numbers in one is sorted several times faster than a row of two.
+        # Sorting pairs that are packed into single integers is several times faster than sorting rows.
         corners = character.triangles.ravel() * np.int64(len(character.uv)) + character.triangle_uvs.ravel()
         pairs, inverse = np.unique(corners, return_inverse=True)
         source, uv = np.divmod(pairs, len(character.uv))
@@ -49,7 +49,7 @@ class MeshBuffers:
         self._revision: object = None
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object) -> bool:
-        """Upload positions and normals, each (N, 3), and return True, unless ``revision`` is there already."""
+        """Upload positions and normals, each (N, 3); return False if ``revision`` is the uploaded one already."""
         if revision is not None and revision == self._revision:
             return False
         np.take(vertices, self.source, axis=0, out=self._staging[:, :3])
@@ -60,7 +60,7 @@ class MeshBuffers:
         return True
 
     def release(self) -> None:
-        """Free what the GPU holds."""
+        """Free the memory on the GPU."""
         for buffer in (self.points, self.uvs, self.triangles, self.edges):
             buffer.release()
         self.lines.release()
@@ -71,10 +71,10 @@ class MeshBuffers:
 def _edges(character: Character) -> NDArray[np.int32]:
     """Return the edges of the polygons, each once, as vertex pairs of shape (E, 2)."""
     polygons = character.polygons
-    following = np.roll(polygons, -1, axis=1)
+    next_corners = np.roll(polygons, -1, axis=1)
     is_triangle = polygons[:, 3] < 0
-    following[is_triangle, 2] = polygons[is_triangle, 0]
-    lower, upper = np.minimum(polygons, following), np.maximum(polygons, following)
+    next_corners[is_triangle, 2] = polygons[is_triangle, 0]
+    lower, upper = np.minimum(polygons, next_corners), np.maximum(polygons, next_corners)
     count = np.int64(len(character.vertices))
     pairs = np.unique((lower * count + upper)[lower >= 0])
     return np.stack(np.divmod(pairs, count), axis=1).astype(np.int32)
@@ -94,7 +94,7 @@ def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:
     texture = ctx.texture(image.size, len(image.getbands()), image.tobytes(), alignment=1)
     texture.build_mipmaps()
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    if not drawn_by_processor(ctx):
-        # Mesa's processor needs many seconds for some triangles that are seen from their edge.
+    if not is_software_renderer(ctx):
+        # Mesa's software renderer takes many seconds for some triangles seen edge-on.
         texture.anisotropy = 4.0
     return texture

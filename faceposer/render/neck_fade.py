@@ -1,4 +1,4 @@
-"""Where the neck of a character is cut, so that it fades away there instead of ending in an edge."""
+"""Fading of a character's neck at its lower border, instead of a visible edge."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,20 +7,21 @@ from scipy.sparse.csgraph import connected_components
 
 from faceposer.model.character import Character
 
-# Share of the way from the cut to the chin over which the skin fades.
-_SHARE = 0.66
-# A border is a cut neck if it is at least this wide, as a share of the mesh's width, and this far below the chin, as a
-# share of its height.
-_WIDEST, _BELOW_CHIN = 0.25, 0.05
+# Share of the distance from the border to the chin over which the skin fades.
+_FADE_SHARE = 0.66
+# A border is that of the neck if it has at least this width, as a share of the mesh's width, and the fade at least this
+# length, as a share of its height.
+_MIN_WIDTH, _MIN_LENGTH = 0.25, 0.05
 
-#: A fade that is nowhere: all is above it.
+#: Plane for a character without a fade: all is above it.
 NO_FADE = (0.0, 0.0, 0.0, 1.0)
 
 
 def neck_fade(character: Character) -> tuple[float, float, float, float]:
-    """Return the plane (a, b, c, d) of the cut neck: ax + by + cz + d is 0 at the cut and 1 where nothing fades.
+    """Return the plane (a, b, c, d) of the fade: ax + by + cz + d is 0 at the neck's border and 1 where the fade ends.
 
-    The cut is the lowest open border of the skin. Without a neck and a border well below the chin, nothing fades.
+    The border is the lowest open border of the skin. Without a neck region and a border well below the chin, there is
+    no fade.
     """
     chin = character.feature_points.get("2.1")
     border = _lowest_border(character) if chin is not None else None
@@ -30,8 +31,8 @@ def neck_fade(character: Character) -> tuple[float, float, float, float]:
     middle = border.mean(axis=0)
     _, _, axes = np.linalg.svd(border - middle)
     normal = axes[2] * (1.0 if axes[2, 1] >= 0.0 else -1.0)
-    length = _SHARE * float(normal @ (character.vertices[chin] - middle))
-    if np.ptp(border[:, 0]) < _WIDEST * (high[0] - low[0]) or length < _BELOW_CHIN * (high[1] - low[1]):
+    length = _FADE_SHARE * float(normal @ (character.vertices[chin] - middle))
+    if np.ptp(border[:, 0]) < _MIN_WIDTH * (high[0] - low[0]) or length < _MIN_LENGTH * (high[1] - low[1]):
         return NO_FADE
     a, b, c = (normal / length).tolist()
     return (a, b, c, float(-(normal @ middle) / length))

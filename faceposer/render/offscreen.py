@@ -1,4 +1,4 @@
-"""Pictures without a window."""
+"""Rendering of images without a window."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ Context = moderngl.Context
 
 @contextmanager
 def offscreen_context() -> Iterator[Context]:
-    """Give an OpenGL context without a window.
+    """Yield an OpenGL context without a window.
 
     Raises:
         FacePoserError: If the system has no OpenGL through EGL.
@@ -29,7 +29,7 @@ def offscreen_context() -> Iterator[Context]:
         ctx = moderngl.create_context(standalone=True, require=330, backend="egl")  # type: ignore[arg-type]
     except Exception as error:  # glcontext raises plain Exception
         raise FacePoserError(
-            f"OpenGL 3.3 through EGL is not to be had ({error}); on Debian install libegl1 and libgl1-mesa-dri."
+            f"OpenGL 3.3 is not available through EGL ({error}); on Debian, install libegl1 and libgl1-mesa-dri."
         ) from error
     try:
         yield ctx
@@ -48,18 +48,18 @@ def render_character(
     expression_lines: bool = True,
     transparent: bool = False,
 ) -> NDArray[np.uint8]:
-    """Return a picture of ``character`` with ``vertices``, (N, 3), under ``camera``, of shape (height, width, 3).
+    """Render ``character`` with ``vertices``, shape (N, 3), as an image of shape (height, width, 3).
 
     Args:
-        character: What is drawn.
-        vertices: Its pose.
-        camera: Whose size is that of the picture.
-        samples: Per pixel; 0 for no multisampling.
-        shading: Skin, eyes and teeth, or clay.
-        wireframe: Draw the edges of the mesh too.
-        photo: The pixels of a photo, top row first, its camera, and its opacity behind the face and before it.
-        expression_lines: Draw the lines of the skin that the pose makes; clay has none.
-        transparent: Leave the background out; the shape is (height, width, 4) then, with straight alpha.
+        character: The character.
+        vertices: Vertices of its pose.
+        camera: Camera, whose size is that of the image.
+        samples: Samples per pixel; 0 for no multisampling.
+        shading: "full", or "clay" without textures.
+        wireframe: Also draw the edges of the mesh.
+        photo: Pixels of a photo, top row first, its camera, and its opacity behind and in front of the face.
+        expression_lines: Show the expression lines of the skin; clay shows none.
+        transparent: Make the background transparent; the shape is then (height, width, 4), with straight alpha.
 
     Raises:
         FacePoserError: If the system has no OpenGL through EGL.
@@ -72,22 +72,22 @@ def render_character(
         target = ColourTarget(ctx, camera.size, min(samples, ctx.max_samples))
         layer = None
         if photo is not None:
-            picture, taken, behind, before = photo
-            layer = PhotoLayer(photo_texture(ctx, picture), taken.size, taken.focal, behind, before)
+            pixels, photo_camera, behind, before = photo
+            layer = PhotoLayer(photo_texture(ctx, pixels), photo_camera.size, photo_camera.focal, behind, before)
         renderer.draw(target.framebuffer, camera, shading, wireframe, layer, expression_lines, transparent)
         if layer is not None:
             layer.picture.release()
         target.resolve()
-        picture = target.read_transparent() if transparent else target.read()
+        image = target.read_transparent() if transparent else target.read()
         target.release()
         renderer.release()
-    return picture
+    return image
 
 
-def photo_texture(ctx: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl.Texture:
-    """Return ``picture``, (height, width, 3), on the GPU, smooth however small it is shown."""
-    height, width, _ = picture.shape
-    texture = ctx.texture((width, height), 3, np.ascontiguousarray(picture).tobytes(), alignment=1)
+def photo_texture(ctx: moderngl.Context, pixels: NDArray[np.uint8]) -> moderngl.Texture:
+    """Upload the photo ``pixels``, shape (height, width, 3), as a texture with mipmaps."""
+    height, width, _ = pixels.shape
+    texture = ctx.texture((width, height), 3, np.ascontiguousarray(pixels).tobytes(), alignment=1)
     texture.build_mipmaps()
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = False
@@ -95,7 +95,7 @@ def photo_texture(ctx: moderngl.Context, picture: NDArray[np.uint8]) -> moderngl
 
 
 def plain_character(vertices: ArrayLike, triangles: ArrayLike) -> Character:
-    """Return a mesh, (N, 3) and (T, 3), as a character of one part without shapes or textures."""
+    """Return a character of one part, without shapes or textures, for a mesh, (N, 3) and (T, 3)."""
     positions = np.ascontiguousarray(vertices, dtype=np.float32)
     polygons = np.pad(np.asarray(triangles, dtype=np.int32), ((0, 0), (0, 1)), constant_values=-1)
     return Character(
@@ -114,6 +114,6 @@ def plain_character(vertices: ArrayLike, triangles: ArrayLike) -> Character:
 def render_mesh(
     vertices: ArrayLike, triangles: ArrayLike, camera: Camera, samples: int = 4, transparent: bool = False
 ) -> NDArray[np.uint8]:
-    """Return a picture of a plain mesh, (N, 3) and (T, 3), in clay, of shape (height, width, 3), or 4 with alpha."""
+    """Render a mesh, (N, 3) and (T, 3), in clay, with shape (height, width, 3), or 4 channels if transparent."""
     character = plain_character(vertices, triangles)
     return render_character(character, character.vertices, camera, samples, "clay", transparent=transparent)

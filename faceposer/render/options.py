@@ -1,4 +1,4 @@
-"""Options of everything that shows or writes a posed face."""
+"""Options for displaying and writing posed faces."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,18 +6,18 @@ from typing import Literal
 from faceposer.geometry.picture_view import View
 
 Shading = Literal["full", "clay"]
-#: What lies behind the face: the usual grey, darker, or lighter.
+#: Brightness of the background: the default grey, darker, or lighter.
 Backdrop = Literal["studio", "dark", "light"]
 
 
 @dataclass(frozen=True)
 class Look:
-    """The light and what lies behind the face.
+    """Light and backdrop.
 
     Attributes:
         backdrop: The backdrop.
-        key: Factor on the light from the front, at least 0.
-        ambient: Factor on the light from all sides, at least 0.
+        key: Factor on the key light from the front, at least 0.
+        ambient: Factor on the ambient light, at least 0.
     """
 
     backdrop: Backdrop = "studio"
@@ -27,19 +27,19 @@ class Look:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """How a posed face is written.
+    """Options for writing a posed face.
 
     Attributes:
-        contact: Whether meshes and pictures show the face after the contact step; weights and morph targets have none.
-        size: Width and height of pictures in pixels.
-        view: Name of the view that pictures begin with, one of geometry.camera.VIEW_ANGLES.
-        turn: Seconds of one turn of the camera about the head, 0 to stand still.
-        rate: Frames per second of films, None for what suits the format and the performance.
+        size: Width and height of images in pixels.
+        view: Name of the view of images, or of the first frame of a turn, one of geometry.camera.VIEW_ANGLES.
+        turn: Duration of one turn of the camera around the head, in seconds; 0 for a fixed camera.
+        rate: Frames per second of videos; None for a rate that suits the format and the performance.
         shading: "full", or "clay" without textures.
-        orbit: The view itself; in place of ``view`` where the camera stands still.
-        expression_lines: Draw the lines of the skin that a pose makes; clay has none.
-        transparent: Leave the background out of pictures; not for films.
-        materials: Write materials and textures beside meshes whose format has them in files of their own.
+        orbit: View that replaces ``view`` if the camera is fixed.
+        expression_lines: Show the expression lines of the skin; clay shows none.
+        contact: Include the contact step in meshes and images; weights and morph targets cannot contain it.
+        transparent: Make the background of images transparent; not for videos.
+        materials: Write materials and textures as additional files if the format has them.
     """
 
     size: tuple[int, int] = (640, 640)

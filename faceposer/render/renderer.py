@@ -1,4 +1,4 @@
-"""Draws a posed character into any framebuffer."""
+"""Renderer of a posed character into a framebuffer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,31 +18,31 @@ from faceposer.render.neck_fade import NO_FADE, neck_fade
 from faceposer.render.options import Backdrop, Look, Shading
 from faceposer.resources import shader_text
 
-#: One program, or several that get the same uniforms.
+#: One program, or several programs with the same uniforms.
 Programs = moderngl.Program | Sequence[moderngl.Program]
 _BASE = {"clay": (0.42, 0.42, 0.43), **BASE_COLOURS}
 _MATERIALS = ("clay", "skin", "eye", "teeth", "gums", "tongue", "lashes")
 
 
-# Linear colours of the backdrop, at the rim and in the middle.
+# Linear colours of the backdrop, at the rim and at the centre.
 _BACKDROPS: dict[Backdrop, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "studio": ((0.016, 0.018, 0.022), (0.085, 0.092, 0.104)),
     "dark": ((0.003, 0.003, 0.004), (0.012, 0.013, 0.015)),
     "light": ((0.340, 0.345, 0.355), (0.660, 0.665, 0.675)),
 }
-_USUAL = Look()
+_DEFAULT_LOOK = Look()
 
 
 @dataclass(frozen=True)
 class PhotoLayer:
-    """A photo as it lies behind the face and before it, centred where the camera's optical axis meets the picture.
+    """A photo behind and in front of the face, centred on the principal point of the camera.
 
     Attributes:
-        picture: Top row first.
-        size: Width and height in pixels of the camera that took it.
-        focal: Of that camera, in its pixels.
-        behind: Opacity of the photo as the ground of the face, 0 to 1.
-        before: Opacity of the photo over the face, 0 to 1.
+        picture: Texture of the photo, top row first.
+        size: Width and height of the photo, in pixels of its camera.
+        focal: Focal length of that camera, in its pixels.
+        behind: Opacity of the photo behind the face, 0 to 1.
+        before: Opacity of the photo in front of the face, 0 to 1.
     """
 
     picture: moderngl.Texture
@@ -55,8 +55,8 @@ class PhotoLayer:
         """Return left, top, right and bottom of the photo in the pixels of ``camera``."""
         scale = camera.focal / self.focal
         x, y = camera.principal_point.tolist()
-        across, down = 0.5 * scale * self.size[0], 0.5 * scale * self.size[1]
-        return (x - across, y - down, x + across, y + down)
+        half_width, half_height = 0.5 * scale * self.size[0], 0.5 * scale * self.size[1]
+        return (x - half_width, y - half_height, x + half_width, y + half_height)
 
 
 def projection_matrix(camera: Camera) -> NDArray[np.float32]:
@@ -83,7 +83,14 @@ def view_matrix(camera: Camera) -> NDArray[np.float32]:
 
 
 def load_program(ctx: moderngl.Context, vertex: str, fragment: str, define: str = "") -> moderngl.Program:
-    """Compile the shaders of these file names; ``//#include NAME`` stands for another file, ``define`` for #ifdef."""
+    """Compile a vertex and a fragment shader into a program.
+
+    Args:
+        ctx: OpenGL context.
+        vertex: File name of the vertex shader; a line ``//#include NAME`` in it is replaced by that file.
+        fragment: File name of the fragment shader, likewise.
+        define: Preprocessor symbol to define, or "".
+    """
 
     def source(name: str) -> str:
         version, *lines = shader_text(name).splitlines()
@@ -94,23 +101,23 @@ def load_program(ctx: moderngl.Context, vertex: str, fragment: str, define: str 
 
 
 def set_uniform(programs: Programs, name: str, value: Any) -> None:
-    """Set a uniform of one or several programs, or nothing where a compiler has found that it is not needed."""
+    """Set a uniform of one or several programs, except where the compiler has removed it as unused."""
     for program in programs if isinstance(programs, Sequence) else (programs,):
         if name in program:
             if isinstance(value, np.ndarray):
-                # GLSL keeps matrices by columns.
+                # GLSL stores matrices by columns.
                 program[name].write(np.ascontiguousarray(value.T, dtype=np.float32))  # type: ignore[union-attr]
             else:
                 program[name].value = value  # type: ignore[union-attr]
 
 
 class Renderer:
-    """Draws one character at a time; it owns the programs and the character's buffers."""
+    """Renderer of one character at a time; owns the programs and the character's buffers."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         """Compile the shaders in ``ctx``."""
         self.ctx = ctx
-        # Without expression lines, and with them: on a processor even code that is passed over takes time.
+        # Programs without and with expression lines: on a CPU, even branches that are not taken cost time.
         self._surface = [load_program(ctx, "surface.vert", "surface.frag")]
         self._eyes = EyePainter(
             ctx, load_program(ctx, "eye.vert", "eye.frag"), load_program(ctx, "eye.vert", "lashes.frag")
@@ -126,7 +133,7 @@ class Renderer:
         self._arrays: dict[str, moderngl.VertexArray] = {}
 
     def set_character(self, character: Character) -> None:
-        """Draw ``character`` from now on."""
+        """Upload ``character``, which is drawn from now on."""
         self.release_character()
         buffers = self.buffers = MeshBuffers(self.ctx, character)
         self._eyes.set_buffers(buffers)
@@ -142,7 +149,7 @@ class Renderer:
         }
 
     def update(self, vertices: NDArray[np.float32], normals: NDArray[np.float32], revision: object = None) -> None:
-        """Take over a pose: positions and normals, each (N, 3); nothing is done if ``revision`` is known already."""
+        """Upload a pose: positions and normals, each (N, 3); skipped if ``revision`` is the uploaded one."""
         if self._require_buffers().update(vertices, normals, revision) and self._eyes.shading is not None:
             self._eyes.shading.update(vertices)
 
@@ -155,38 +162,38 @@ class Renderer:
         photo: PhotoLayer | None = None,
         expression_lines: bool = True,
         transparent: bool = False,
-        look: Look = _USUAL,
+        look: Look = _DEFAULT_LOOK,
     ) -> None:
-        """Draw the backdrop and the character into all of ``target``, whose size must be the camera's.
+        """Draw the backdrop and the character to the whole ``target``, which must have the size of the camera.
 
         Args:
-            target: Drawn into.
-            camera: Under which.
+            target: Framebuffer to draw to.
+            camera: The camera.
             shading: "full", or "clay" without textures.
-            wireframe: Draw the edges of the mesh too.
-            photo: Lies behind the face or in front of it; what fades into the backdrop fades into one that lies behind.
-            expression_lines: Draw the lines of the skin that the pose makes; clay has none.
-            transparent: Leave out the backdrop: colours are premultiplied with an alpha that is the opacity.
+            wireframe: Also draw the edges of the mesh.
+            photo: Photo behind or in front of the face; the neck fades into a photo behind it.
+            expression_lines: Show the expression lines of the skin; clay shows none.
+            transparent: Draw no backdrop; colours are premultiplied with alpha.
             look: Light and backdrop.
         """
         ctx, buffers = self.ctx, self._require_buffers()
-        lined = expression_lines and shading == "full" and buffers.lines.use()
-        if lined:
-            # Before any uniform is set: it may add a program that needs them.
+        with_lines = expression_lines and shading == "full" and buffers.lines.use()
+        if with_lines:
+            # Must precede the uniforms, since it may add a program that needs them.
             self.prepare()
         target.use()
         ctx.viewport = (0, 0, *camera.size)
         target.clear(0.0, 0.0, 0.0, 0.0 if transparent else 1.0, depth=1.0)
         size = (float(camera.size[0]), float(camera.size[1]))
         ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
-        # What lies below shows through: over the backdrop the picture itself stays opaque.
-        kept = moderngl.ONE_MINUS_SRC_ALPHA if transparent else moderngl.ONE
-        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, kept  # type: ignore[assignment]
-        for backed in (self._background, self._surface):
-            set_uniform(backed, "backdrop_rim", _BACKDROPS[look.backdrop][0])
-            set_uniform(backed, "backdrop_middle", _BACKDROPS[look.backdrop][1])
-        for lit in (self._surface, self._eyes.programs):
-            set_uniform(lit, "strength", (look.key, look.ambient))
+        # Over a backdrop, the image remains opaque where surfaces are blended.
+        alpha_factor = moderngl.ONE_MINUS_SRC_ALPHA if transparent else moderngl.ONE
+        ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, alpha_factor  # type: ignore[assignment]
+        for program in (self._background, *self._surface):
+            set_uniform(program, "backdrop_rim", _BACKDROPS[look.backdrop][0])
+            set_uniform(program, "backdrop_middle", _BACKDROPS[look.backdrop][1])
+        for program in (*self._surface, *self._eyes.programs):
+            set_uniform(program, "strength", (look.key, look.ambient))
         if not transparent:
             set_uniform(self._background, "viewport", size)
             self._backdrop.render(moderngl.TRIANGLES, vertices=3)
@@ -201,18 +208,18 @@ class Renderer:
         for name, unit in buffers.lines.units.items():
             set_uniform(self._surface, name, unit)
         self._eyes.camera = camera
-        for program in (self._surface, *self._eyes.programs):
+        for program in (*self._surface, *self._eyes.programs):
             self._set_camera(program, camera)
             set_uniform(program, "viewport", size)
         set_uniform(self._surface, "blended", fades)
         set_uniform(self._surface, "neck", self._neck)
         set_uniform(self._surface, "mouth", _mouth_opening(buffers.character))
         if fades:
-            # Only what is nearest fades: its depth comes first.
+            # A depth pass first, so that only the nearest surface is blended.
             target.color_mask = (False, False, False, False)
-            self._draw_parts(shading, opaque=True, lined=lined)
+            self._draw_parts(shading, opaque=True, with_lines=with_lines)
             target.color_mask = (True, True, True, True)
-        self._draw_parts(shading, opaque=True, lined=lined)
+        self._draw_parts(shading, opaque=True, with_lines=with_lines)
         if wireframe:
             self._set_camera(self._edges, camera)
             ctx.enable(moderngl.BLEND)
@@ -227,7 +234,7 @@ class Renderer:
             self._draw_photo(photo, camera, photo.before)
 
     def prepare(self) -> None:
-        """Do now what else the first pose would wait for."""
+        """Prepare in advance the data that would delay the first pose."""
         buffers = self._require_buffers()
         buffers.lines.prepare()
         if buffers.lines.triangles is None or "lined" in self._arrays:
@@ -235,8 +242,8 @@ class Renderer:
         if len(self._surface) == 1:
             self._surface.append(load_program(self.ctx, "surface.vert", "surface.frag", "EXPRESSION_LINES"))
         plain = [(buffers.points, "3f 3f", "position", "normal"), (buffers.uvs, "2f", "uv")]
-        both = {"plain": plain, "lined": [*plain, (buffers.lines.places, "3f", "line_coordinates")]}
-        for program, (name, content) in zip(self._surface, both.items(), strict=True):
+        layouts = {"plain": plain, "lined": [*plain, (buffers.lines.places, "3f", "line_coordinates")]}
+        for program, (name, content) in zip(self._surface, layouts.items(), strict=True):
             self._arrays[name] = self.ctx.vertex_array(program, content, index_buffer=buffers.lines.triangles)
 
     def _draw_photo(self, photo: PhotoLayer, camera: Camera, opacity: float) -> None:
@@ -250,7 +257,7 @@ class Renderer:
         self._photo_quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
         self.ctx.disable(moderngl.BLEND)
 
-    def _draw_parts(self, shading: Shading, opaque: bool, lined: bool = False) -> None:
+    def _draw_parts(self, shading: Shading, opaque: bool, with_lines: bool = False) -> None:
         buffers = self._require_buffers()
         character = buffers.character
         for part in character.parts:
@@ -269,7 +276,7 @@ class Renderer:
             if texture is not None:
                 texture.use(0)
             first, last = character.part_triangles(part)
-            begin = buffers.lines.first_lined.get(part.name, last) if lined else last
+            begin = buffers.lines.first_lined.get(part.name, last) if with_lines else last
             if begin == last:
                 self._arrays["surface"].render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
             else:
@@ -277,14 +284,14 @@ class Renderer:
                 self._arrays["lined"].render(moderngl.TRIANGLES, vertices=3 * (last - begin), first=3 * begin)
 
     def draw_ids(self, target: moderngl.Framebuffer, camera: Camera) -> None:
-        """Write the index plus one of the nearest front-facing triangle into each pixel of ``target``, 0 where none.
+        """Write the index plus one of the nearest front-facing triangle to each pixel of ``target``, 0 without one.
 
-        Lashes and films are left out: a press on them means the lid behind.
+        Lashes and transparent films are skipped, so that a click on them picks the lid behind.
         """
         character = self._require_buffers().character
         target.use()
         self.ctx.viewport = (0, 0, *camera.size)
-        # OpenGL clears with floats; of all of them, only zero is the same as an integer.
+        # OpenGL clears with floats; only zero has the same bits as an integer.
         target.clear(0.0, depth=1.0)
         self.ctx.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self.ctx.disable(moderngl.BLEND)
@@ -302,7 +309,7 @@ class Renderer:
 
     def _require_buffers(self) -> MeshBuffers:
         if self.buffers is None:
-            raise RuntimeError("set_character must come before drawing")
+            raise RuntimeError("set_character must be called before drawing")
         return self.buffers
 
     def release_character(self) -> None:
@@ -326,10 +333,10 @@ class Renderer:
 
 
 def _mouth_opening(character: Character) -> tuple[float, float]:
-    """Return at which height the upper teeth end and how far forward the neutral teeth reach: behind, it gets dark."""
+    """Return the lower end of the upper teeth (y) and the front of the neutral teeth (z); the mouth darkens behind."""
     teeth = [character.vertices[slice(*part.vertices)] for part in character.parts if part.material == "teeth"]
     if not teeth:
         return float(character.vertices[:, 1].min()), float(character.vertices[:, 2].max())
     front = max(teeth, key=lambda vertices: float(vertices[:, 2].max()))
-    ahead = front[front[:, 2] > front[:, 2].max() - 0.02 * character.height]
-    return float(ahead[:, 1].min()), float(front[:, 2].max())
+    foremost = front[front[:, 2] > front[:, 2].max() - 0.02 * character.height]
+    return float(foremost[:, 1].min()), float(front[:, 2].max())

@@ -1,4 +1,4 @@
-"""The face as the window shows it: from coefficients to a picture, each step only when what it needs has changed."""
+"""Rendering of the face for the window, from coefficients to image; each step runs only if its input has changed."""
 
 import moderngl
 import numpy as np
@@ -15,12 +15,15 @@ from faceposer.render.renderer import PhotoLayer, Renderer
 
 
 class Scene:
-    """One face in one picture.
+    """A posed face with its image.
 
     Attributes:
-        photo: What lies behind the face or before it, or None.
-        expression_lines: Whether the lines of the skin that a pose makes are drawn; clay has none.
-        look: Light and backdrop of ``draw``; portraits have the usual ones.
+        vertices: Vertices of the pose, shape (N, 3).
+        normals: Their unit normals, shape (N, 3).
+        photo: Photo behind or in front of the face, or None.
+        expression_lines: True if expression lines of the skin are shown; clay shows none.
+        look: Light and backdrop of ``draw``; portraits have the default ones.
+        images_rendered: Number of images rendered.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -40,7 +43,7 @@ class Scene:
         self.photo: PhotoLayer | None = None
         self.expression_lines = True
         self.look = Look()
-        self.pictures_drawn = 0
+        self.images_rendered = 0
 
     @property
     def triangles(self) -> NDArray[np.int32]:
@@ -48,7 +51,7 @@ class Scene:
         return self._require_model().triangles
 
     def set_model(self, model: FaceModel) -> None:
-        """Show ``model``, neutral."""
+        """Show the neutral face of ``model``."""
         if model is self._model:
             return
         self._renderer.set_character(model.character)
@@ -57,7 +60,7 @@ class Scene:
         self._set(model, model.neutral())
 
     def set_pose(self, coefficients: ArrayLike, contact: bool = True) -> None:
-        """Show the pose ``coefficients``, shape (r,), with the contact step or without."""
+        """Show the pose ``coefficients``, shape (r,), with or without the contact step."""
         pose = np.asarray(coefficients, dtype=np.float64)
         if contact != self._contact or not np.array_equal(pose, self._coefficients):
             self._contact = contact
@@ -67,7 +70,7 @@ class Scene:
         assert self._normals is not None
         self._coefficients = pose.copy()
         self._pose += 1
-        # The neutral face needs no contact step, which the first picture would wait for.
+        # The neutral face needs no contact step, which would delay the first image.
         self.vertices = model.surface(pose, self._contact and bool(pose.any()))
         self.normals = self._normals(self.vertices)
         self._renderer.update(self.vertices, self.normals, self._pose)
@@ -78,11 +81,11 @@ class Scene:
         return self._require_model().character
 
     def prepare(self) -> None:
-        """Do now, while nobody waits, what the first pose of this face needs."""
+        """Prepare in advance the data that the first pose of this face needs."""
         self._renderer.prepare()
 
     def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
-        """Return the picture under ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
+        """Render for ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
         lines = self.expression_lines
         key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo, lines, self.look)
         if self._drawn is None or self._drawn[0] != key:
@@ -90,21 +93,21 @@ class Scene:
             self._renderer.draw(target.framebuffer, camera, shading, wireframe, self.photo, lines, look=self.look)
             target.resolve()
             self._drawn = (key, target)
-            self.pictures_drawn += 1
+            self.images_rendered += 1
         return self._drawn[1].texture
 
     def portrait(self, coefficients: ArrayLike, camera: Camera, samples: int) -> NDArray[np.uint8]:
-        """Return a picture of another pose, shape (r,), without showing it: (height, width, 3), top row first."""
+        """Render another pose, shape (r,), without showing it: (height, width, 3), top row first."""
         assert self._normals is not None
         vertices = self._require_model().surface(coefficients, self._contact)
         self._renderer.update(vertices, self._normals(vertices))
         target = ColourTarget(self._ctx, camera.size, min(samples, self._ctx.max_samples))
         self._renderer.draw(target.framebuffer, camera, expression_lines=self.expression_lines)
         target.resolve()
-        picture = target.read()
+        image = target.read()
         target.release()
         self._renderer.update(self.vertices, self.normals, self._pose)
-        return picture
+        return image
 
     def _target(self, size: Size, samples: int) -> ColourTarget:
         target = self._targets.get(samples)
@@ -115,22 +118,22 @@ class Scene:
         return target
 
     def pick(self, camera: Camera, pixel: tuple[float, float]) -> SurfacePoint | None:
-        """Return the point of the visible surface at ``pixel``, or None."""
+        """Return the visible surface point at ``pixel``, or None."""
         points, _ = self.pick_many(camera, np.array([pixel]))
         point = points[0] if len(points) else None
         return point if isinstance(point, SurfacePoint) else None
 
     def pick_many(self, camera: Camera, pixels: NDArray[np.float64]) -> tuple[SurfacePoints, NDArray[np.bool_]]:
-        """Return the points of the visible surface at ``pixels``, (n, 2), and which of them there are, (n,)."""
-        faces = self._seen(camera, pixels)
-        met = faces >= 0
-        return points_on_triangles(self.vertices, self.triangles, faces[met], camera, pixels[met]), met
+        """Return the visible surface points at ``pixels``, (n, 2), and the mask of pixels that show the face, (n,)."""
+        faces = self._visible_triangles(camera, pixels)
+        hit = faces >= 0
+        return points_on_triangles(self.vertices, self.triangles, faces[hit], camera, pixels[hit]), hit
 
-    def _seen(self, camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _visible_triangles(self, camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.int64]:
         return self._ids.at(self._renderer, camera, (self._pose, id(self._model)), pixels)
 
     def facing_away(self, camera: Camera, points: SurfacePoints) -> NDArray[np.bool_]:
-        """Return which of ``points`` lie where the face turns its back on ``camera``, shape (n,)."""
+        """Return the mask of ``points`` at which the surface faces away from ``camera``, shape (n,)."""
         assert self._normals is not None
         corners = points.corners(self.triangles)
         normals = np.einsum("nk,nkd->nd", points.barycentric, self.normals[corners].astype(np.float64))
@@ -139,25 +142,25 @@ class Scene:
         return away
 
     def occluded(self, camera: Camera, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which ``positions`` in space, shape (n, 3), lie behind the visible face, shape (n,)."""
+        """Return the mask of ``positions`` in space, shape (n, 3), that the visible surface hides, shape (n,)."""
         if not len(positions):
             return np.zeros(0, dtype=bool)
-        faces = self._seen(camera, camera.project(positions))
+        faces = self._visible_triangles(camera, camera.project(positions))
         tolerance = 0.02 * float(np.ptp(self._require_model().character.vertices[:, 1]))
-        met = faces >= 0
+        hit = faces >= 0
         hidden = np.zeros(len(positions), dtype=bool)
-        corners = self.vertices[self.triangles[faces[met]]].astype(np.float64)
+        corners = self.vertices[self.triangles[faces[hit]]].astype(np.float64)
         nearest = (corners @ camera.rotation[2] + camera.translation[2]).min(axis=1)
-        hidden[met] = camera.to_camera(positions[met])[:, 2] > nearest + tolerance
+        hidden[hit] = camera.to_camera(positions[hit])[:, 2] > nearest + tolerance
         return hidden
 
     def _require_model(self) -> FaceModel:
         if self._model is None:
-            raise RuntimeError("set_model must come first")
+            raise RuntimeError("set_model must be called first")
         return self._model
 
     def release(self) -> None:
-        """Free what the GPU holds."""
+        """Free the memory on the GPU."""
         for target in self._targets.values():
             target.release()
         self._ids.release()

@@ -1,6 +1,6 @@
-"""Pictures and films of posed faces, drawn frame by frame into files."""
+"""Images and videos of posed faces, rendered frame by frame to files."""
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -17,22 +17,22 @@ from faceposer.model.framing import face_view
 from faceposer.model.performance import Performance
 from faceposer.model.sampling import resampled
 from faceposer.render.ffmpeg import find_ffmpeg
-from faceposer.render.film import FASTEST_GIF, Picture, write_gif, write_mp4
+from faceposer.render.film import MAX_GIF_RATE, Pixels, RenderFrame, write_gif, write_mp4
 from faceposer.render.framebuffers import ColourTarget
 from faceposer.render.images import write_png
 from faceposer.render.offscreen import offscreen_context
 from faceposer.render.options import OutputOptions
 from faceposer.render.renderer import Renderer
-from faceposer.render.turntable import framed_all_round, turned
+from faceposer.render.turntable import orbit_framing, turned
 
-_GIF_RATE, _FILM_RATE = 25.0, 30.0
+_GIF_RATE, _VIDEO_RATE = 25.0, 30.0
 _SAMPLES = 4
-# Seconds of a turn where nothing else moves.
-_USUAL_TURN = 4.0
-_MOST_FRAMES = 100_000
-# All frames of a GIF are in memory together, with a byte for each pixel.
-_MOST_GIF_PIXELS = 2_000_000_000
-# Poses that decide how far away the camera of a performance stands.
+# Duration of a turn around a single pose, in seconds.
+_DEFAULT_TURN = 4.0
+_MAX_FRAMES = 100_000
+# All frames of a GIF are in memory at once, one byte per pixel.
+_MAX_GIF_PIXELS = 2_000_000_000
+# Number of poses that determine the distance of the camera of a performance.
 _FRAMED_POSES = 24
 
 
@@ -43,21 +43,21 @@ def picture_steps(
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
 ) -> Generator[float, None, None]:
-    """Write ``pose``, shape (r,), as a PNG image; yields 1 when it is done.
+    """Write a pose as a PNG image, yielding 1 at the end.
 
     Args:
         path: The file.
         model: The face.
-        pose: Shape (r,).
-        options: How it is drawn.
-        ctx: What to draw with; a context of its own if None.
+        pose: The pose, shape (r,).
+        options: Output options.
+        ctx: OpenGL context; None to create one.
 
     Raises:
         FacePoserError: If the file cannot be written, or there is no OpenGL.
     """
-    with _pictures(model, options, options.size, ctx) as pictures:
+    with _pose_renderer(model, options, options.size, ctx) as renderer:
         view = options.orbit or face_view(model.character, options.view, options.size[0] / options.size[1])
-        write_png(path, pictures.draw(pose, view.camera(options.size)))
+        write_png(path, renderer.render(pose, view.camera(options.size)))
     yield 1.0
 
 
@@ -68,28 +68,28 @@ def picture_sequence_steps(
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
 ) -> Generator[float, None, None]:
-    """Write each frame of ``performance`` as a PNG image into ``folder``, which must be new or empty.
+    """Write each frame of ``performance`` as a PNG image, yielding the completed share after each.
 
-    The files are called by the folder and the number of the frame, from 1, such as smile.0001.png. Yields the share
-    that is done after each; the folder appears when all are written, and if the iterator is closed before, not at all.
+    The files are named by the folder and the frame number, from 1, such as smile.0001.png. The folder appears once all
+    files are written, and not at all if the iterator is closed early.
 
     Args:
-        folder: The folder.
+        folder: New or empty folder.
         model: The face.
-        performance: What is played once, while the camera turns if the options say so.
-        options: How it is drawn.
-        ctx: What to draw with; a context of its own if None.
+        performance: Performance, played once; the camera turns meanwhile if ``options.turn`` is set.
+        options: Output options.
+        ctx: OpenGL context; None to create one.
 
     Raises:
-        FacePoserError: If there would be too many, the folder holds something or cannot be written, or there is no
+        FacePoserError: If there are too many frames, the folder is not empty or cannot be written, or there is no
             OpenGL.
     """
     shot = _Shot(model, performance, options, options.size, options.rate or performance.rate)
     digits = max(4, len(str(shot.count)))
-    with atomic_folder(folder) as temporary, _pictures(model, options, shot.size, ctx) as pictures:
-        draw = shot.drawn_by(pictures)
+    with atomic_folder(folder) as temporary, _pose_renderer(model, options, shot.size, ctx) as renderer:
+        render = shot.frame_renderer(renderer)
         for frame in range(shot.count):
-            write_png(temporary / f"{folder.name}.{frame + 1:0{digits}}.png", draw(frame))
+            write_png(temporary / f"{folder.name}.{frame + 1:0{digits}}.png", render(frame))
             yield (frame + 1) / shot.count
 
 
@@ -100,29 +100,30 @@ def gif_steps(
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
 ) -> Generator[float, None, None]:
-    """Write a film as GIF; yields the share that is done after each frame, and closing the iterator ends it early.
+    """Write a video as GIF, yielding the completed share after each frame; closing the iterator cancels.
 
-    A pose turns round once; a performance is played once, while the camera turns if the options say so.
+    The camera turns once around a pose. A performance is played once; the camera turns meanwhile if ``options.turn`` is
+    set.
 
     Args:
         path: The file.
         model: The face.
         motion: A pose, shape (r,), or a performance.
-        options: How it is drawn.
-        ctx: What to draw with; a context of its own if None.
+        options: Output options.
+        ctx: OpenGL context; None to create one.
 
     Raises:
-        FacePoserError: If the film would be too long or too large, the file cannot be written, or there is no OpenGL.
+        FacePoserError: If the video would be too long or too large, the file cannot be written, or there is no OpenGL.
     """
     width, height = options.size
     rate = options.rate or (min(motion.rate, _GIF_RATE) if isinstance(motion, Performance) else _GIF_RATE)
-    shot = _Shot(model, motion, options, (width, height), min(rate, FASTEST_GIF))
-    if shot.count * width * height > _MOST_GIF_PIXELS:
+    shot = _Shot(model, motion, options, (width, height), min(rate, MAX_GIF_RATE))
+    if shot.count * width * height > _MAX_GIF_PIXELS:
         raise FacePoserError(
             f"A GIF of {shot.count} frames of {width}x{height} is too large; write an .mp4, or fewer or smaller frames."
         )
-    with _pictures(model, options, shot.size, ctx) as pictures:
-        yield from write_gif(path, shot.drawn_by(pictures), shot.count, shot.rate)
+    with _pose_renderer(model, options, shot.size, ctx) as renderer:
+        yield from write_gif(path, shot.frame_renderer(renderer), shot.count, shot.rate)
 
 
 def mp4_steps(
@@ -132,27 +133,27 @@ def mp4_steps(
     options: OutputOptions,
     ctx: moderngl.Context | None = None,
 ) -> Generator[float, None, None]:
-    """Write a film as MP4; parameters and steps as for ``gif_steps``.
+    """Write a video as MP4; arguments and steps are those of ``gif_steps``.
 
     Raises:
-        FacePoserError: If the film would be too long, the file cannot be written, or there is no OpenGL or no ffmpeg.
+        FacePoserError: If the video would be too long, the file cannot be written, or there is no OpenGL or no ffmpeg.
     """
-    # The colours of MP4 have half the resolution.
+    # MP4 stores colours at half the resolution, so that both sides must be even.
     size = (max(options.size[0] // 2, 1) * 2, max(options.size[1] // 2, 1) * 2)
-    rate = options.rate or (motion.rate if isinstance(motion, Performance) else _FILM_RATE)
+    rate = options.rate or (motion.rate if isinstance(motion, Performance) else _VIDEO_RATE)
     shot = _Shot(model, motion, options, size, rate)
     find_ffmpeg()
-    with _pictures(model, options, shot.size, ctx) as pictures:
-        yield from write_mp4(path, shot.drawn_by(pictures), shot.count, shot.rate, shot.size)
+    with _pose_renderer(model, options, shot.size, ctx) as renderer:
+        yield from write_mp4(path, shot.frame_renderer(renderer), shot.count, shot.rate, shot.size)
 
 
 class _Shot:
-    """What is to be seen in each frame of a film.
+    """Pose and camera of each frame of a video.
 
     Attributes:
-        size: Of the frames, in pixels.
+        size: Width and height of the frames, in pixels.
         rate: Frames per second.
-        count: How many frames.
+        count: Number of frames.
     """
 
     def __init__(
@@ -165,10 +166,10 @@ class _Shot:
     ) -> None:
         self.size = size
         self.rate = rate
-        seconds = motion.seconds if isinstance(motion, Performance) else options.turn or _USUAL_TURN
-        if seconds * self.rate > _MOST_FRAMES:
+        seconds = motion.seconds if isinstance(motion, Performance) else options.turn or _DEFAULT_TURN
+        if seconds * self.rate > _MAX_FRAMES:
             raise FacePoserError(
-                f"A film of {seconds * self.rate:.0f} frames is too long; at most {_MOST_FRAMES} are written."
+                f"A video of {seconds * self.rate:.0f} frames is too long; the limit is {_MAX_FRAMES} frames."
             )
         if isinstance(motion, Performance):
             self._turn = options.turn
@@ -181,13 +182,13 @@ class _Shot:
         self._fixed = None if options.orbit is None or self._turn else options.orbit.camera(self.size)
         if self._fixed is not None:
             return
-        shown = np.linspace(0, len(self._poses) - 1, min(len(self._poses), _FRAMED_POSES)).astype(int)
-        poses = [model.surface(self._poses[i], options.contact) for i in shown]
-        self._view = framed_all_round([model.character.vertices, *poses], self.size).looking(options.view)
+        framed = np.linspace(0, len(self._poses) - 1, min(len(self._poses), _FRAMED_POSES)).astype(int)
+        poses = [model.surface(self._poses[i], options.contact) for i in framed]
+        self._view = orbit_framing([model.character.vertices, *poses], self.size).looking(options.view)
 
-    def drawn_by(self, pictures: "_Pictures") -> Callable[[int], Picture]:
-        """Return what draws the frame of a number."""
-        return lambda frame: pictures.draw(self.pose(frame), self.camera(frame))
+    def frame_renderer(self, renderer: "_PoseRenderer") -> RenderFrame:
+        """Return the function that renders the frame with a given index."""
+        return lambda frame: renderer.render(self.pose(frame), self.camera(frame))
 
     def pose(self, frame: int) -> NDArray[np.float64]:
         """Return the pose in ``frame``, shape (r,)."""
@@ -202,8 +203,8 @@ class _Shot:
         return turned(self._view, share, self.size)
 
 
-class _Pictures:
-    """Draws poses of one face at one size."""
+class _PoseRenderer:
+    """Renderer for poses of one face at one size."""
 
     def __init__(self, ctx: moderngl.Context, model: FaceModel, options: OutputOptions, size: tuple[int, int]) -> None:
         self._model = model
@@ -212,14 +213,14 @@ class _Pictures:
         self._renderer.set_character(model.character)
         self._target = ColourTarget(ctx, size, min(_SAMPLES, ctx.max_samples))
         self._normals = VertexNormals(model.triangles, len(model.character.vertices))
-        self._shown: NDArray[np.float64] | None = None
+        self._uploaded: NDArray[np.float64] | None = None
 
-    def draw(self, pose: NDArray[np.float64], camera: Camera) -> Picture:
-        """Return the picture of ``pose``, (r,), under ``camera``, of shape (height, width, 3), or 4 with alpha."""
-        if self._shown is None or not np.array_equal(pose, self._shown):
+    def render(self, pose: NDArray[np.float64], camera: Camera) -> Pixels:
+        """Render ``pose``, shape (r,), as an image of shape (height, width, 3), or with 4 channels if transparent."""
+        if self._uploaded is None or not np.array_equal(pose, self._uploaded):
             vertices = self._model.surface(pose, self._options.contact)
             self._renderer.update(vertices, self._normals(vertices))
-            self._shown = pose
+            self._uploaded = pose
         options = self._options
         self._renderer.draw(
             self._target.framebuffer,
@@ -232,17 +233,17 @@ class _Pictures:
         return self._target.read_transparent() if options.transparent else self._target.read()
 
     def release(self) -> None:
-        """Free what the GPU holds."""
+        """Free the memory on the GPU."""
         self._target.release()
         self._renderer.release()
 
 
 @contextmanager
-def _pictures(
+def _pose_renderer(
     model: FaceModel, options: OutputOptions, size: tuple[int, int], ctx: moderngl.Context | None
-) -> Iterator[_Pictures]:
+) -> Iterator[_PoseRenderer]:
     with ExitStack() as stack:
         context = ctx or stack.enter_context(offscreen_context())
-        pictures = _Pictures(context, model, options, size)
-        stack.callback(pictures.release)
-        yield pictures
+        renderer = _PoseRenderer(context, model, options, size)
+        stack.callback(renderer.release)
+        yield renderer

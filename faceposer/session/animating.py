@@ -110,7 +110,7 @@ class AnimationController:
         if document.keyframes is None or not document.keyframes.keys:
             session.set_without_history(replace(document, frame=frame))
             return False
-        target = document.animated_at(frame, self._pose_at(document.keyframes, frame))
+        target = document.with_animation_frame(frame, self._pose_at(document.keyframes, frame))
         if document.animated:
             session.set_without_history(target)
             return False
@@ -141,7 +141,7 @@ class AnimationController:
         if follows and keyframes.keys:
             pose = self._pose_at(keyframes, document.frame)
             if not self._same_pose(pose, self._pose_of(document)):
-                changed = changed.animated_at(document.frame, pose)
+                changed = changed.with_animation_frame(document.frame, pose)
         with self._session.edit(label, merges):
             self._session.set_without_history(changed)
 
@@ -149,7 +149,7 @@ class AnimationController:
         """Replace the animation as one step and show ``frame`` of it, whatever was displayed before."""
         document = replace(self._session.document, keyframes=keyframes)
         with self._session.edit(label):
-            self._session.set_without_history(document.animated_at(frame, self._pose_at(keyframes, frame)))
+            self._session.set_without_history(document.with_animation_frame(frame, self._pose_at(keyframes, frame)))
 
     def with_auto_key(self, document: Document) -> Document:
         """Return ``document`` after a change of its pose, with a key for the pose if ``auto_key`` is set."""

@@ -27,7 +27,7 @@ from faceposer.files.user_folders import state_folder
 from faceposer.geometry.camera import Camera
 from faceposer.session.document import Document
 from faceposer.session.file_lock import FileLock, take_lock
-from faceposer.session.opening import session_of
+from faceposer.session.opening import session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
@@ -80,7 +80,7 @@ class Journal:
         """Seconds until the next write is due."""
         return max(self._due - self._clock(), 0.0)
 
-    def follow(self, session: Session, camera: Camera | None = None) -> None:
+    def update(self, session: Session, camera: Camera | None = None) -> None:
         """Write the committed but unsaved work of ``session`` when due; remove the journal if there is none.
 
         Raises:
@@ -162,7 +162,7 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
         "version": VERSION,
         "path": None if path is None else str(path),
         "saved_at": now.isoformat(),
-        "session": document.stamped(session.model).to_json(),
+        "session": document.with_version_data(session.model).to_json(),
     }
 
 
@@ -203,7 +203,7 @@ class Orphan:
         Raises:
             FacePoserError: If the character cannot be opened or does not fit.
         """
-        session = session_of(self.document, self.path, worker)
+        session = session_for(self.document, self.path, worker)
         session.mark_unsaved()
         return session
 

@@ -102,12 +102,12 @@ class Document:
         pose.setflags(write=False)
         return replace(self, coefficients=pose, solved=True, animated=False)
 
-    def animated_at(self, frame: int, coefficients: ArrayLike) -> "Document":
+    def with_animation_frame(self, frame: int, coefficients: ArrayLike) -> "Document":
         """Return the document at ``frame`` with the pose of its animation there, shape (r,), without constraints."""
-        document = replace(self, constraints=(), frame=frame).starting_from(coefficients).posed(coefficients)
+        document = replace(self, constraints=(), frame=frame).with_start(coefficients).posed(coefficients)
         return replace(document, animated=True)
 
-    def starting_from(self, start: ArrayLike | None) -> "Document":
+    def with_start(self, start: ArrayLike | None) -> "Document":
         """Return the document with the start pose ``start``, shape (r,); None for the neutral face."""
         pose = None if start is None else np.array(start, dtype=np.float64)
         if pose is not None:
@@ -182,7 +182,7 @@ class Document:
                 data["start_weights"] = codec.weights_to_json(made_on.start_weights)
         return data
 
-    def stamped(self, model: FaceModel) -> "Document":
+    def with_version_data(self, model: FaceModel) -> "Document":
         """Return the document with the data that makes its file usable with other versions of its character ``model``.
 
         These are the version of the mesh, the rest positions of all surface points, and the shape weights of all poses.
@@ -224,7 +224,7 @@ class Document:
         )
         _check_effort(document.constraints)
         if form.start is not UNSET:
-            document = document.starting_from(form.start)
+            document = document.with_start(form.start)
         if form.coefficients is not UNSET:
             document = document.posed(form.coefficients)
             if not form.constraints and form.start is UNSET:
@@ -280,7 +280,7 @@ def absolute_character(character: str, folder: Path) -> str:
     return os.path.normpath((folder / expand_user(character)).absolute())
 
 
-def character_from(character: str, folder: Path) -> str:
+def portable_character(character: str, folder: Path) -> str:
     """Return the reference to ``character`` in a session file in ``folder``.
 
     A character file in the folder, below it or in a sibling folder gets a relative path with slashes, so that both can
@@ -291,7 +291,7 @@ def character_from(character: str, folder: Path) -> str:
 
 
 def path_from(path: str, folder: Path) -> str:
-    """Return the reference to the file ``path`` in a session file in ``folder``; see ``character_from``."""
+    """Return the reference to the file ``path`` in a session file in ``folder``; see ``portable_character``."""
     whole = os.path.normpath(expand_user(path).absolute())
     try:
         relative = Path(os.path.relpath(whole, folder.absolute()))
@@ -342,7 +342,7 @@ def read_document(path: Path) -> Document:
 
 
 def write_document(path: Path, document: Document) -> None:
-    """Write ``document`` to ``path`` atomically; ``Document.stamped`` adds the data for other versions.
+    """Write ``document`` to ``path`` atomically; ``Document.with_version_data`` adds the data for other versions.
 
     Raises:
         FacePoserError: If the file cannot be written.

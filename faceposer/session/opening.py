@@ -45,7 +45,7 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
     """
     path = Path(what)
     if path.suffix.lower() == ".json":
-        return session_of(read_document(path), path, worker)
+        return session_for(read_document(path), path, worker)
     if path.suffix.lower() != ".npz":
         names = [name for name, _ in available_characters()]
         if what not in names:
@@ -57,7 +57,7 @@ def open_session(what: str, worker: Worker | None = None) -> Session:
     return Session(load_model(what), Document(absolute_character(what, Path())), worker)
 
 
-def session_of(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
+def session_for(document: Document, path: Path | None, worker: Worker | None = None) -> Session:
     """Return a session for ``document`` with its character.
 
     Args:

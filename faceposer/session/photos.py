@@ -38,7 +38,7 @@ def _moved_with_camera(constraint: Constraint, before: Camera, after: Camera) ->
     return moved
 
 
-def with_expression(document: Document, model: FaceModel, photo: Photo) -> Document:
+def pose_from_photo(document: Document, model: FaceModel, photo: Photo) -> Document:
     """Return ``document`` with the constraints given by the pins of ``photo`` in place of their earlier ones.
 
     Raises:

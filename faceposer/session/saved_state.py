@@ -5,7 +5,7 @@ from pathlib import Path
 
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
-from faceposer.session.document import Document, character_from, path_from, write_document
+from faceposer.session.document import Document, path_from, portable_character, write_document
 
 
 class SavedState:
@@ -41,9 +41,9 @@ class SavedState:
         """
         written = replace(
             document,
-            character=character_from(document.character, path.parent),
+            character=portable_character(document.character, path.parent),
             photos=tuple(replace(photo, path=path_from(photo.path, path.parent)) for photo in document.photos),
             camera=document.camera if camera is None else camera,
         )
-        write_document(path, written.stamped(model))
+        write_document(path, written.with_version_data(model))
         self._document = document

@@ -20,7 +20,7 @@ from faceposer.session.animating import AnimationController
 from faceposer.session.document import Document
 from faceposer.session.history import History
 from faceposer.session.saved_state import SavedState
-from faceposer.session.solver_worker import InlineWorker, Job, Worker
+from faceposer.session.solver_worker import InlineWorker, SolveRequest, Worker
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution, SolveError
 from faceposer.solve.priors import Prior
@@ -253,7 +253,7 @@ class Session:
 
     def set_start(self, start: NDArray[np.float64]) -> None:
         """Change the start pose of the face, shape (r,), inside an open edit, such as the drag of a shape's slider."""
-        document = self._document.starting_from(start)
+        document = self._document.with_start(start)
         if document.constraints:
             self.replace(document)
             return
@@ -270,7 +270,7 @@ class Session:
         """Make ``pose``, shape (r,), the start pose, without constraints, as one step."""
         with self.edit(label):
             self.epoch += 1
-            self._document = replace(self._document, constraints=()).starting_from(pose).posed(pose)
+            self._document = replace(self._document, constraints=()).with_start(pose).posed(pose)
             self.revision += 1
 
     def reset_pose(self) -> None:
@@ -340,7 +340,9 @@ class Session:
             self._submit()
 
     def _submit(self, warm_start: bool = True) -> None:
-        job = Job(self.epoch, self.revision, self.model, self._document, self.coefficients if warm_start else None)
+        job = SolveRequest(
+            self.epoch, self.revision, self.model, self._document, self.coefficients if warm_start else None
+        )
         self.worker.submit(job)
 
     def poll(self) -> bool:

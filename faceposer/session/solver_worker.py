@@ -16,7 +16,7 @@ from faceposer.solve.problem import PoseProblem
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class SolveRequest:
     """A document to solve.
 
     Attributes:
@@ -35,10 +35,10 @@ class Job:
 
 
 @dataclass(frozen=True, eq=False)
-class JobResult:
+class SolveResult:
     """The result of a job: a solution, or the exception that ended it."""
 
-    job: Job
+    job: SolveRequest
     solution: Solution | None
     error: Exception | None = None
 
@@ -46,7 +46,7 @@ class JobResult:
 class Worker(Protocol):
     """A solver that accepts jobs and returns results."""
 
-    def submit(self, job: Job) -> None:
+    def submit(self, job: SolveRequest) -> None:
         """Solve ``job`` next, replacing a queued one."""
         ...
 
@@ -54,7 +54,7 @@ class Worker(Protocol):
         """Prepare for the first job, in the background if possible."""
         ...
 
-    def poll(self) -> JobResult | None:
+    def poll(self) -> SolveResult | None:
         """Return the newest result not yet taken, or None."""
         ...
 
@@ -72,7 +72,7 @@ class Worker(Protocol):
         ...
 
 
-def run_job(job: Job, should_stop: Callable[[], bool] | None = None) -> JobResult:
+def run_job(job: SolveRequest, should_stop: Callable[[], bool] | None = None) -> SolveResult:
     """Solve ``job``; an exception becomes part of the result."""
     try:
         document = job.document
@@ -85,25 +85,25 @@ def run_job(job: Job, should_stop: Callable[[], bool] | None = None) -> JobResul
                 prior=document.prior,
                 spread=document.spread,
             )
-            return JobResult(job, solve(problem, job.x0, should_stop=should_stop))
+            return SolveResult(job, solve(problem, job.x0, should_stop=should_stop))
     except Exception as error:  # raised again in the thread that polls
-        return JobResult(job, None, error)
+        return SolveResult(job, None, error)
 
 
 class InlineWorker:
     """A worker that solves synchronously, for tests and the command line."""
 
     def __init__(self) -> None:
-        self._result: JobResult | None = None
+        self._result: SolveResult | None = None
 
-    def submit(self, job: Job) -> None:
+    def submit(self, job: SolveRequest) -> None:
         """Solve ``job``."""
         self._result = run_job(job)
 
     def prepare(self) -> None:
         """Do nothing: the first job prepares the solver."""
 
-    def poll(self) -> JobResult | None:
+    def poll(self) -> SolveResult | None:
         """Return the newest result not yet taken, or None."""
         result, self._result = self._result, None
         return result
@@ -131,15 +131,15 @@ class SolverWorker:
     def __init__(self, on_result: Callable[[], None] | None = None) -> None:
         """Start the thread, which calls ``on_result`` after each result, for instance to wake the frame loop."""
         self._condition = threading.Condition()
-        self._waiting: Job | None = None
-        self._running: Job | None = None
-        self._result: JobResult | None = None
+        self._waiting: SolveRequest | None = None
+        self._running: SolveRequest | None = None
+        self._result: SolveResult | None = None
         self._closed = False
         self._on_result = on_result
         self._thread = threading.Thread(target=self._work, name="solver", daemon=True)
         self._thread.start()
 
-    def submit(self, job: Job) -> None:
+    def submit(self, job: SolveRequest) -> None:
         """Solve ``job`` next, replacing a queued one."""
         with self._condition:
             self._waiting = job
@@ -149,7 +149,7 @@ class SolverWorker:
         """Prepare for the first job in another thread, so that jobs are accepted meanwhile."""
         threading.Thread(target=prepare, name="prepare", daemon=True).start()
 
-    def poll(self) -> JobResult | None:
+    def poll(self) -> SolveResult | None:
         """Return the newest result not yet taken, or None."""
         with self._condition:
             result, self._result = self._result, None
@@ -173,7 +173,7 @@ class SolverWorker:
             self._condition.notify_all()
         self._thread.join()
 
-    def _outdated(self, job: Job) -> bool:
+    def _outdated(self, job: SolveRequest) -> bool:
         waiting = self._waiting
         return self._closed or (waiting is not None and waiting.epoch != job.epoch)
 

@@ -46,4 +46,4 @@ def transferred(
             pose = keyframes.sampled(target, [document.frame])[0]
     if pose is None:
         pose = transfer.pose(coefficients)
-    return new.starting_from(pose).posed(pose)
+    return new.with_start(pose).posed(pose)

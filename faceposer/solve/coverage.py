@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from faceposer.model.face_model import FaceModel
-from faceposer.solve.priors import centred_at
+from faceposer.solve.priors import prior_at
 from faceposer.solve.term import Array
 
 # Ends of the smooth steps from a part to the whole face: explained share of the skin's variance, and number of
@@ -43,7 +43,7 @@ def coverage(model: FaceModel, start: Array, rows: Array) -> float:
 @lru_cache(maxsize=8)
 def _usual(model: FaceModel, start_bytes: bytes) -> tuple[Array, Array]:
     """Return R, (r, r), and sum_v a_v R^T X_v^T X_v R / tr(X_v S X_v^T), (r, r)."""
-    precision = centred_at(model, np.frombuffer(start_bytes)).usual().precisions[0]
+    precision = prior_at(model, np.frombuffer(start_bytes)).usual().precisions[0]
     root = np.linalg.inv(np.linalg.cholesky(precision)).T
     samples = model.motion_samples
     moves = samples.rows @ root

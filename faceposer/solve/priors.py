@@ -154,7 +154,7 @@ def gaze_differences(model: FaceModel) -> Array:
     return turns[0, :2] - turns[1, :2] if len(turns) == 2 else np.zeros((0, model.n_coefficients))
 
 
-def centred_at(model: FaceModel, start: Array, prior: Prior = "regions", wholeness: float = 0.0) -> LocalMoments:
+def prior_at(model: FaceModel, start: Array, prior: Prior = "regions", wholeness: float = 0.0) -> LocalMoments:
     """Return the model's density conditioned on the pose ``start``.
 
     The mode of a learned density is its performer's habitual face, not the user's start pose, so that minimising (20)

@@ -15,7 +15,7 @@ from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
 from faceposer.solve.least_motion import LeastMotion, LinearisedEnergy
-from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, centred_at, gaze_differences
+from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, gaze_differences, prior_at
 from faceposer.solve.reach import limits_around
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
@@ -116,7 +116,7 @@ class PoseProblem:
         self.constraints = tuple(constraints)
         for constraint in self.constraints:
             if constraint.enabled:
-                self.start = constraint.moved_start(model, self.start)
+                self.start = constraint.offset_start(model, self.start)
         self._anchored, self._slots = gather_points(model, self.constraints)
         slots = self._slots
         self._terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
@@ -190,9 +190,9 @@ class PoseProblem:
         An offset of the start translates this density without changing its shape.
         """
         rows, residual = _linearised(informative, self._start_state)
-        self.mixture = centred_at(self.model, begin, prior, wholeness).near(rows, residual, covered)
+        self.mixture = prior_at(self.model, begin, prior, wholeness).near(rows, residual, covered)
         if self.start is not begin:
-            self.mixture = self.mixture.moved_by(self.start - begin)
+            self.mixture = self.mixture.translated_by(self.start - begin)
         weight = max(self.prior_weight, _LEAST_WEIGHT)
         self._terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
         strength = weight * (_LEAST_MOTION + (_MOTION - _LEAST_MOTION) * (1.0 - spread) ** _MOTION_POWER)
@@ -309,7 +309,7 @@ def _gathered(
         begin = end
         if place is not None:
             points, camera = place
-            own_rows, own_neutral = model.rows_at(points)
+            own_rows, own_neutral = model.jacobian_at(points)
             rows.append(own_rows.reshape(-1, model.n_coefficients))
             neutral.append(own_neutral)
             end += len(own_neutral)

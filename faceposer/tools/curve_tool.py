@@ -9,7 +9,7 @@ from faceposer.geometry.curves import nearest_parameter, relaxed_bezier
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.solve.constraints.curve import MOST_POINTS, CurveConstraint
 from faceposer.solve.constraints.stroke import as_pixels
-from faceposer.tools.stroke_tool import seen_pixels
+from faceposer.tools.stroke_tool import pixels_in_view
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
@@ -26,6 +26,10 @@ class CurveTool(PosingTool):
     """
 
     name = "curve"
+    label = "Curve"
+    key = "K"
+    help = "Click points of a curve on the face, then drag its control points"
+    empty_text = "Click points of a curve on the face and accept it, then drag its control points."
     cursor = "pick"
     handle_order = 3
 
@@ -56,7 +60,7 @@ class CurveTool(PosingTool):
         """Return the constraint and the control point of its target within reach of ``position``, or None."""
         best, found = _REACH * context.ui_scale, None
         for i, constraint in self._curves(context):
-            seen = seen_pixels(constraint.target, constraint.camera, context.camera)
+            seen = pixels_in_view(constraint.target, constraint.camera, context.camera)
             if seen is not None:
                 distances = np.hypot(*(seen - position).T)
                 nearest = int(np.argmin(distances))
@@ -67,7 +71,7 @@ class CurveTool(PosingTool):
     def line_at(self, position: Pixel, context: ToolContext) -> tuple[int, float] | None:
         """Return the constraint whose target passes within reach of ``position`` and the parameter there, or None."""
         for i, constraint in self._curves(context):
-            seen = seen_pixels(constraint.target, constraint.camera, context.camera)
+            seen = pixels_in_view(constraint.target, constraint.camera, context.camera)
             if seen is not None and len(seen) < MOST_POINTS:
                 parameter, distance = nearest_parameter(relaxed_bezier(seen), position)
                 if distance <= _NEAR_LINE * context.ui_scale:
@@ -238,6 +242,16 @@ class CurveTool(PosingTool):
             document = session.document.with_constraint(index, shorter)
             session.replace(mirroring.with_images(document, [index]))
         return True
+
+    @property
+    def can_accept(self) -> bool:
+        """True if there is a source."""
+        return bool(self.points)
+
+    @property
+    def can_step_back(self) -> bool:
+        """True if the source can be stepped back."""
+        return bool(self._steps)
 
     def step_back(self) -> bool:
         """Undo the last change of the source; return True if there was one."""

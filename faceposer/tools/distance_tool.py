@@ -73,6 +73,10 @@ class DistanceTool(PosingTool):
     """
 
     name = "distance"
+    label = "Distance"
+    key = "D"
+    help = "Set the distance between two points in the view, such as the height of the mouth"
+    empty_text = "Drag from one point of the face to another, or choose a distance above, then set it with its slider."
     cursor = "pick"
     handle_order = 2
 
@@ -191,6 +195,11 @@ class DistanceTool(PosingTool):
             return False
         self._remove(handle[0], "Remove a distance", context)
         return True
+
+    @property
+    def can_step_back(self) -> bool:
+        """True if the first end is set and the second is not."""
+        return self.first is not None
 
     def step_back(self) -> bool:
         """Discard the first point; return True if there was one."""

@@ -24,6 +24,10 @@ class FixTool(PosingTool):
     """
 
     name = "fix"
+    label = "Fix"
+    key = "H"
+    help = "Fix vertices in place"
+    empty_text = "Paint the area to hold in place, or choose a region above."
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -149,7 +153,7 @@ def _without(document: Document, vertices: Vertices) -> Document:
     return replace(document, constraints=tuple(constraints))
 
 
-def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: ToolSettings) -> None:
+def toggle_fixed_region(names: tuple[str, ...], context: ToolContext, tool_settings: ToolSettings) -> None:
     """Fix the regions ``names`` of the face, or release them if a constraint fixes exactly these, as one step."""
     session = context.session
     regions = session.model.character.regions
@@ -157,7 +161,7 @@ def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: T
     if not found:
         return
     points = SurfacePoints.at_vertices(np.unique(np.concatenate(found)))
-    index = region_held(names, context)
+    index = fixed_region_index(names, context)
     if index is not None:
         if not session.document.constraints[index].locked:
             tool_settings.selection.set()
@@ -170,7 +174,7 @@ def toggle_region(names: tuple[str, ...], context: ToolContext, tool_settings: T
         tool_settings.selection.set(len(document.constraints))
 
 
-def region_held(names: tuple[str, ...], context: ToolContext) -> int | None:
+def fixed_region_index(names: tuple[str, ...], context: ToolContext) -> int | None:
     """Return the index of the constraint that fixes exactly the regions ``names``, or None."""
     regions = context.session.model.character.regions
     found = [regions[name] for name in names if name in regions]

@@ -15,7 +15,7 @@ _REACH = 13.0
 Pixel = tuple[float, float]
 
 
-def eyes_of(character: Character) -> NDArray[np.float64] | None:
+def eye_centres_of(character: Character) -> NDArray[np.float64] | None:
     """Return the centres of both eyes of the neutral face, shape (2, 3), or None if it has no movable eyes."""
     if not any(name.startswith("eyeLook") for name in character.shape_names):
         return None
@@ -26,12 +26,12 @@ def eyes_of(character: Character) -> NDArray[np.float64] | None:
     return np.array(centres, dtype=np.float64)
 
 
-def pupils_of(character: Character, direction: tuple[float, float]) -> NDArray[np.float64] | None:
+def pupil_centres_of(character: Character, direction: tuple[float, float]) -> NDArray[np.float64] | None:
     """Return the pupil centres of eyes turned to ``direction`` in degrees, (2, 3), or None without eyes.
 
     They are the points where a ray from the centre of each eye leaves it.
     """
-    centres = eyes_of(character)
+    centres = eye_centres_of(character)
     if centres is None:
         return None
     forward = _forward(direction)
@@ -53,7 +53,7 @@ def _forward(direction: tuple[float, float]) -> NDArray[np.float64]:
 
 def handle_position(character: Character, direction: tuple[float, float]) -> NDArray[np.float64] | None:
     """Return the position of the handle for a ``direction`` in degrees, shape (3,), or None without eyes."""
-    eyes = eyes_of(character)
+    eyes = eye_centres_of(character)
     if eyes is None:
         return None
     position: NDArray[np.float64] = eyes.mean(axis=0) + REACH_CM * _forward(direction)
@@ -67,7 +67,7 @@ def direction_at_pixel(
 
     It intersects the ray of the pixel with the sphere of handle positions, or takes the point closest to the sphere.
     """
-    eyes = eyes_of(character)
+    eyes = eye_centres_of(character)
     assert eyes is not None
     centre = eyes.mean(axis=0)
     origin, ray = camera.ray(pixel)
@@ -85,9 +85,17 @@ class GazeTool(PosingTool):
     """Turns both eyes to a handle."""
 
     name = "gaze"
+    label = "Gaze"
+    key = "G"
+    help = "Drag anywhere in the view to turn both eyes"
+    empty_text = "Drag in the view to turn both eyes to the ring."
     cursor = "press"
     drag_cursor = "grab"
     handle_order = 0
+
+    def usable(self, character: Character) -> bool:
+        """Return True if the eyes of ``character`` can turn."""
+        return eye_centres_of(character) is not None
 
     def constraint(self, context: ToolContext) -> tuple[int, GazeConstraint] | None:
         """Return the gaze constraint of the session with its index, or None."""
@@ -137,7 +145,7 @@ class GazeTool(PosingTool):
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Return True if the press ``event`` starts to turn the eyes, which is possible anywhere in the view."""
-        has_eyes = eyes_of(context.session.model.character) is not None
+        has_eyes = eye_centres_of(context.session.model.character) is not None
         return event.button == "left" and not event.modifiers and has_eyes
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
@@ -191,6 +199,6 @@ class GazeTool(PosingTool):
 
     def hint(self, context: ToolContext) -> str:
         """Return the effect of a press, for the status bar."""
-        if eyes_of(context.session.model.character) is None:
+        if eye_centres_of(context.session.model.character) is None:
             return "This character has no movable eyes"
         return "Drag anywhere: turn both eyes   ·   right click the ring: release them"

@@ -27,6 +27,10 @@ class PhotoTool(PosingTool):
     """
 
     name = "photo"
+    label = "Photo"
+    key = ""
+    help = "Set pins on the photo"
+    empty_text = "Set pins on the photo; the Photo tab lists them. Posing from the photo turns them into constraints."
     cursor = "press"
     drag_hint = "Move: shift the pin and update the camera   ·   release: confirm   ·   Esc: cancel"
 

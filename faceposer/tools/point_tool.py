@@ -46,6 +46,10 @@ class PointTool(PosingTool):
     """Places pins on the face and drags them."""
 
     name = "point"
+    label = "Points"
+    key = "Q"
+    help = "Drag points of the face and the handles of all constraints"
+    empty_text = "Drag a point of the face: it is pinned where you release it, and the face follows."
     cursor = "press"
     drag_cursor = "grab"
     handle_order = 1

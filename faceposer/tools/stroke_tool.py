@@ -36,6 +36,10 @@ class StrokeTool(PosingTool):
     """
 
     name = "stroke"
+    label = "Stroke"
+    key = "S"
+    help = "Draw a stroke on the face, then draw its target"
+    empty_text = "Draw a stroke on the face, then draw its target."
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -58,7 +62,7 @@ class StrokeTool(PosingTool):
         """Return the stroke of this view whose target passes within reach of ``position``, or None."""
         for i, constraint in reversed(list(enumerate(context.session.document.constraints))):
             if isinstance(constraint, StrokeConstraint) and not constraint.locked:
-                seen = seen_pixels(constraint.target, constraint.camera, context.camera)
+                seen = pixels_in_view(constraint.target, constraint.camera, context.camera)
                 reach = _REACH * context.ui_scale + constraint.width / 2.0
                 if seen is not None and _distance_to_line(position, seen) <= reach:
                     return i
@@ -180,6 +184,11 @@ class StrokeTool(PosingTool):
         self._remove(index, "Remove a stroke", context)
         return True
 
+    @property
+    def can_step_back(self) -> bool:
+        """True if the source is drawn and the target is not."""
+        return self.draws_target
+
     def step_back(self) -> bool:
         """Discard the source; return True if there was one."""
         return self.discard()
@@ -197,7 +206,7 @@ class StrokeTool(PosingTool):
         return "Draw on the part of the face to move   ·   Shift+drag a target: move it   ·   [ ]: brush width"
 
 
-def seen_pixels(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.float64] | None:
+def pixels_in_view(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.float64] | None:
     """Return ``pixels`` of ``camera`` in ``view``, shape (n, 2), or None unless both share a viewpoint."""
     origin = camera.transferred((0.0, 0.0), view)
     if origin is None:

@@ -15,6 +15,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.picture_view import View
 from faceposer.geometry.strokes import StrokeShape
+from faceposer.model.character import Character
 from faceposer.session.session import Session
 from faceposer.solve.constraints.stroke import StrokeEnergy
 from faceposer.tools.symmetry import Symmetry
@@ -160,7 +161,11 @@ class PosingTool:
     """A tool that the user can choose; an unfinished edit belongs to the tool, not to the document.
 
     Attributes:
-        name: Name for panels and keys.
+        name: Name in the program, for actions and settings.
+        label: Name in the window.
+        key: Its key by default; "" for none.
+        help: Purpose, in the imperative, for menus and tooltips.
+        empty_text: Text of the empty list of constraints while the tool is chosen.
         cursor: Name of the mouse cursor over the view; see ``faceposer.gui.cursors``.
         drag_cursor: Mouse cursor during its gesture; "" for the same.
         drag_hint: Effect of the mouse during its gesture, for the status bar.
@@ -168,6 +173,10 @@ class PosingTool:
     """
 
     name = ""
+    label = ""
+    key = ""
+    help = ""
+    empty_text = ""
     cursor = "press"
     drag_cursor = ""
     drag_hint = "Move: pull the face   ·   release: confirm   ·   Esc: cancel"
@@ -184,6 +193,25 @@ class PosingTool:
     def handle_under(self, position: tuple[float, float], context: ToolContext) -> int | None:
         """Return the constraint whose handle would be grabbed by a press at ``position``, or None."""
         return None
+
+    def usable(self, character: Character) -> bool:
+        """Return True if the tool applies to ``character``."""
+        return True
+
+    @property
+    def can_accept(self) -> bool:
+        """True if ``accept`` finishes an edit."""
+        return False
+
+    @property
+    def can_step_back(self) -> bool:
+        """True if ``step_back`` reverts a step of an unfinished edit."""
+        return False
+
+    @property
+    def can_step_forward(self) -> bool:
+        """True if ``step_forward`` repeats a step."""
+        return False
 
     @property
     def works_off_face(self) -> bool:

@@ -73,6 +73,11 @@ class Toolbox:
         return self._active is self.point_tool
 
     @property
+    def usable_tools(self) -> tuple[PosingTool, ...]:
+        """The tools that apply to the open character."""
+        return tuple(tool for tool in self.tools.values() if tool.usable(self._context.session.model.character))
+
+    @property
     def cursor(self) -> str:
         """Name of the mouse cursor over the view; see ``faceposer.gui.cursors``."""
         if self._active is self.camera_tool:

@@ -76,6 +76,10 @@ class TrajectoryTool(PosingTool):
     """
 
     name = "trajectory"
+    label = "Trajectories"
+    key = "J"
+    help = "Draw the paths of points over time; the face follows them"
+    empty_text = "Draw the paths of points. Solving turns them into keys of the timeline, not into constraints."
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -206,6 +210,11 @@ class TrajectoryTool(PosingTool):
         """Remove all trajectories, which undo restores."""
         if self.drawn:
             self._change(())
+
+    @property
+    def can_accept(self) -> bool:
+        """True if trajectories are drawn."""
+        return bool(self.drawn)
 
     def accept(self, context: ToolContext) -> bool:
         """Request to solve for the trajectories; return True if there are any."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.reading import open_text
 from faceposer.model.character import ARKIT_SHAPES
-from faceposer.model.shape_names import canonical_shape, whole_of
+from faceposer.model.shape_names import canonical_shape, whole_shape_of
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ class Capture:
         steady = np.concatenate([[True], steps <= threshold])
         return replace(self, weights=self.weights[steady])
 
-    def from_rest(self, percentile: float = 5.0) -> "Capture":
+    def relative_to_rest(self, percentile: float = 5.0) -> "Capture":
         """Return the take with the performer's rest subtracted, clipped to 0 to 1.
 
         The app is not calibrated: a relaxed face has weights of 0.1 or 0.2. The rest of a channel is estimated by a low
@@ -194,7 +194,7 @@ def _weight(cell: str, name: str, path: Path, number: int) -> float:
 def _channel(name: str) -> str | None:
     """Return the ARKit shape of a column, or None."""
     shape = canonical_shape(name)
-    return None if shape is None else whole_of(shape)
+    return None if shape is None else whole_shape_of(shape)
 
 
 def missing_shapes(captures: Iterable[Capture]) -> tuple[str, ...]:

@@ -107,7 +107,7 @@ class ClusteredFrames:
 
 
 @contextmanager
-def clustered(reader: AlignedReader, scheduler: str, progress: Progress) -> Iterator[ClusteredFrames]:
+def cluster_frames(reader: AlignedReader, scheduler: str, progress: Progress) -> Iterator[ClusteredFrames]:
     """Read all frames of ``reader`` into the memory of a Dask cluster's workers, yield them, and free the workers.
 
     Args:

@@ -17,7 +17,7 @@ from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_motion
 from faceposer.training.eyes import misplaced_eyes
-from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spooled, steady_vertices
+from faceposer.training.frames import AlignedReader, FrameStore, sample_of, spool_frames, steady_vertices
 from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
 from faceposer.training.modes import Modes, learn_modes, local_metric
@@ -169,12 +169,12 @@ def character_from_sequence(
 @contextmanager
 def _store(reader: AlignedReader, scheduler: str | None, progress: Progress) -> Iterator[FrameStore]:
     if scheduler is None:
-        with spooled(reader, progress) as frames:
+        with spool_frames(reader, progress) as frames:
             yield frames
     else:
-        from faceposer.training.cluster import clustered
+        from faceposer.training.cluster import cluster_frames
 
-        with clustered(reader, scheduler, progress) as distributed:
+        with cluster_frames(reader, scheduler, progress) as distributed:
             yield distributed
 
 

@@ -64,7 +64,7 @@ class Recipe:
 
 def clean(capture: Capture, recipe: Recipe) -> Array:
     """Return the weights of a take relative to the performer's rest, without frames that jump, shape (F', S)."""
-    return capture.without_jumps(recipe.jump).from_rest(recipe.rest_percentile).weights
+    return capture.without_jumps(recipe.jump).relative_to_rest(recipe.rest_percentile).weights
 
 
 def mirror_indices(shape_names: Sequence[str]) -> NDArray[np.intp]:

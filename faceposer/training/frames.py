@@ -190,7 +190,7 @@ def steady_vertices(sample: Frames, neutral: Array) -> NDArray[np.intp]:
 
 
 @contextmanager
-def spooled(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames]:
+def spool_frames(reader: AlignedReader, progress: Progress) -> Iterator[SpooledFrames]:
     """Write all frames of ``reader`` to a temporary file, yield them, and delete the file afterwards.
 
     Raises:

@@ -12,7 +12,7 @@ from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.rig_io import read_rig
 from faceposer.model.character import Character
 from faceposer.model.face_model import build_face_model
-from faceposer.model.shape_names import halves_of, match_arkit
+from faceposer.model.shape_names import half_shapes_of, match_arkit
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_shapes, opposite_name
@@ -75,7 +75,7 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
     match = match_arkit(rig.targets, f"The rig '{source}'")
     # A shape that exists both whole and as two halves is the sum of its halves, and redundant.
     found_names = {*match.shapes.values()}
-    wholes = {name for name in found_names if halves_of(name) and found_names.issuperset(halves_of(name))}
+    wholes = {name for name in found_names if half_shapes_of(name) and found_names.issuperset(half_shapes_of(name))}
     named = {ours: rig.targets[theirs] for theirs, ours in match.shapes.items() if ours not in wholes}
     moving = [name for name, offsets in named.items() if np.any(offsets)]
     if len(moving) < _FEWEST_SHAPES:

@@ -9,7 +9,7 @@ from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.shape_names import match_arkit, whole_of
+from faceposer.model.shape_names import match_arkit, whole_shape_of
 
 _MANY = 6
 _LONGEST_LINE = 4000
@@ -102,7 +102,7 @@ def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
 
     A shape that a rig splits into two halves counts once.
     """
-    lacking = {*summary["missing"], *map(whole_of, summary["empty"])}
+    lacking = {*summary["missing"], *map(whole_shape_of, summary["empty"])}
     present = len(ARKIT_SHAPES) - len(lacking)
     text = f"{present} of ARKit's {len(ARKIT_SHAPES)} shapes"
     if summary["shapes"] != present + len(summary["empty"]):

@@ -32,7 +32,9 @@ class PairPoints:
         """
         points = model.character.feature_points
         ends = [np.array([points[getattr(pair, end)] for pair in pairs], dtype=np.intp) for end in ("first", "second")]
-        (rows, neutral), (other_rows, other_neutral) = (model.rows_at(SurfacePoints.at_vertices(end)) for end in ends)
+        (rows, neutral), (other_rows, other_neutral) = (
+            model.jacobian_at(SurfacePoints.at_vertices(end)) for end in ends
+        )
         self._rows = np.ascontiguousarray(rows - other_rows)
         self._neutral = neutral - other_neutral
         self._axes = np.zeros_like(self._neutral) if axes is None else axes

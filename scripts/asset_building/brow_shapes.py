@@ -1,10 +1,10 @@
-"""Re-sculpts what lowers and raises the brows and wrinkles the nose; places are those of the base mesh, in centimetres.
+"""Re-sculpt the shapes of brows and nose wrinkles; positions are those of the base mesh, in centimetres.
 
 The source's browDown draws the inner brow as far inwards as down, and its noseSneer lowers the brow nearly as far as
-browDown does. Here the two are kept apart: procerus, depressor supercilii and corrugator lower the brow, most at its
-inner end, the last also drawing it towards the middle; what wrinkles the nose hardly reaches the brow. The source
-raises brows by 4 mm, and 2 cm above them nothing any more, so that they become thin; the frontalis raises them by about
-10, and the skin of the forehead with them, less and less up to the hairline.
+browDown does. Here the two are separate: procerus, depressor supercilii and corrugator lower the brow, most at its
+inner end, and the last also draws it towards the middle; nose wrinkles hardly affect the brow. The source raises brows
+by 4 mm and nothing 2 cm above them, so that they become thin; the frontalis raises them by about 10 mm together with
+the skin of the forehead, decreasing up to the hairline.
 """
 
 import numpy as np
@@ -13,18 +13,18 @@ from scipy.interpolate import LinearNDInterpolator
 from scripts.asset_building.falloff import ramp
 from scripts.asset_building.piece import Floats
 
-#: Factor on the source's movement inwards, and how far down the brow goes along x, as factors on the source's.
+#: Factor on the source's motion inwards, and factors along x on its motion downwards.
 _INWARDS = 0.42
 _ALONG, _DOWN = (0.0, 0.8, 1.6, 2.6, 3.6, 4.8, 5.8), (1.5, 1.54, 1.53, 1.22, 0.92, 0.66, 0.5)
-#: Factor on how far brows are raised, the height in their middle, and by how much slower the movement fades above it.
+#: Factor on the motion of raised brows, the height of their middle, and factor on the distance of its falloff above.
 _RAISED, _BROW_MIDDLE, _SLOWER = 1.7, 74.5, 0.45
-#: From this place on, along x, the movement of a raised outer brow fades slower by this factor: its tail comes too.
+#: x from which the motion of a raised outer brow fades slower by this factor, so that its tail follows.
 _ARCH, _SLOWER_ASIDE = 3.4, 0.4
-#: In front of this depth no two layers of the forehead lie behind each other.
+#: Depth in front of which the forehead has a single layer.
 _FRONT = 4.0
-#: Between these heights the upper lid's skin, which keeps its movement, becomes the brow's.
+#: Heights of the transition from the upper lid's skin, which keeps its motion, to the brow's.
 _LID, _BROW = 73.3, 74.7
-#: Factor on noseSneer below the lower of these heights, and what is left of it above the upper one.
+#: Factors on noseSneer below the lower and above the upper of these heights.
 _SNEER, _SNEER_LEFT, _NOSE, _GLABELLA = 1.3, 0.2, 72.6, 74.3
 
 
@@ -44,7 +44,7 @@ def raised_brow(unit: Floats, rest: Floats, aside: float = _SLOWER_ASIDE) -> Flo
     Args:
         unit: Offsets in centimetres, shape (N, 3).
         rest: The base mesh, shape (N, 3).
-        aside: By which factor the movement fades slower outwards from the arch of the brow; 1 leaves it.
+        aside: Factor on the distance of the falloff outwards from the arch of the brow; 1 for no change.
     """
     front = np.flatnonzero((rest[:, 2] > _FRONT) & (rest[:, 1] > _LID))
     source = rest[front, :2].copy()

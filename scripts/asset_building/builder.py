@@ -1,4 +1,4 @@
-"""Puts a character together."""
+"""Assembly of characters."""
 
 from dataclasses import dataclass
 
@@ -33,8 +33,8 @@ CREDITS = (
 )
 SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
-#: Shares of the eye's turn that upper and lower lid follow, and how fully towards the corners. In the source the upper
-#: lid covers the pupil of an eye that looks up, and the lower one that of an eye that looks down.
+#: Shares of the eye's rotation of the upper and the lower lid, and fullness towards the corners. In the source, the
+#: upper lid covers the pupil of an eye that looks up, and the lower one that of an eye that looks down.
 _LIDS_FOLLOW = {"LookUp": (0.5, 0.25, 2.0), "LookDown": (0.65, 0.6, 3.0)}
 _UPPER_TEETH, _LOWER_TEETH = "helper-upper-teeth", "helper-lower-teeth"
 _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
@@ -42,7 +42,7 @@ _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
 
 @dataclass(frozen=True)
 class Eyeball:
-    """Where an eyeball sits: its side ("Left" or "Right"), centre (3,) and radius in centimetres."""
+    """Position of an eyeball: its side ("Left" or "Right"), centre (3,) and radius in centimetres."""
 
     side: str
     centre: Floats
@@ -50,7 +50,7 @@ class Eyeball:
 
 
 class Builder:
-    """Builds characters; what all of them share is computed once."""
+    """Build characters; shared data is computed once."""
 
     def __init__(self, source: Source) -> None:
         """Read the base mesh and the face units from ``source``."""
@@ -96,9 +96,9 @@ class Builder:
         """Return the parts of a head with ARKit's shapes, the skin first.
 
         Args:
-            everyone: The base mesh in the wanted identity, symmetric, in centimetres, shape (N, 3).
+            everyone: The base mesh in the identity of the head, symmetric, in centimetres, shape (N, 3).
             units: Offsets of the face units on it, shape (52, N, 3).
-            recipe: The rest of what makes the head; lashes of length 0 are left out.
+            recipe: Recipe of the head; lashes of length 0 are omitted.
         """
         vertices = self._skin_vertices(everyone, recipe)
         eyeballs = [self.eyeball(side, vertices, recipe) for side in SIDES]
@@ -112,7 +112,7 @@ class Builder:
         return pieces
 
     def _opened(self, everyone: Floats, units: Floats) -> Floats:
-        """Return ``units`` with jawOpen about the head's own hinge, and the skin's mouthClose that goes with it."""
+        """Return ``units`` with jawOpen about the head's own hinge, and the matching mouthClose of the skin."""
         ids, result = self.skin.base_ids, units.copy()
         opens, closes = ARKIT_SHAPES.index("jawOpen"), ARKIT_SHAPES.index("mouthClose")
         hinge = jaw_hinge(everyone)
@@ -123,15 +123,15 @@ class Builder:
         return result
 
     def mouth_frame(self, everyone: Floats, vertices: Floats) -> MouthFrame:
-        """Return where the inside of the mouth lies, from the base mesh and the skin's ``vertices`` of a head."""
+        """Return the frame of the inside of the mouth from the base mesh and the skin's ``vertices`` of a head."""
         return mouth_frame(self.skin, vertices, float(np.ptp(everyone[self.group(_UPPER_TEETH), 0])))
 
     def jaw(self, everyone: Floats, units: Floats) -> JawMotion:
-        """Return how ``units`` (S, N, 3) move the lower jaw of a head whose base mesh is ``everyone`` (N, 3)."""
+        """Return the motion of the lower jaw in ``units`` (S, N, 3) of a head with base mesh ``everyone`` (N, 3)."""
         return JawMotion(jaw_hinge(everyone), units[:, self.group(_LOWER_TEETH)], ARKIT_SHAPES)
 
     def group(self, name: str) -> Ints:
-        """Return the vertices of the base mesh's group ``name``, rising, shape (n,)."""
+        """Return the vertices of the base mesh's group ``name``, ascending, shape (n,)."""
         return np.unique(self.base.quads[self.base.groups == name])
 
     def _skin_vertices(self, everyone: Floats, recipe: Recipe) -> Floats:
@@ -181,7 +181,7 @@ class Builder:
 
 
 def centred(joined: Joined) -> Floats:
-    """Return the vertices moved so that the origin lies within the head, whose skin is the first part."""
+    """Return the vertices translated so that the origin is inside the head, with the skin as first part."""
     skin = joined.vertices[slice(*joined.parts[0].vertices)]
     low, high = skin.min(axis=0), skin.max(axis=0)
     result: Floats = joined.vertices - [0.0, high[1] - 12.5, 0.5 * (low[2] + high[2])]

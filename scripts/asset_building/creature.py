@@ -1,4 +1,4 @@
-"""Builds the creature: a goblin that has no rig, but fifty example expressions."""
+"""Build the creature: a goblin without a rig, but with fifty example expressions."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -82,13 +82,13 @@ _SWELLS = (
     Swell((3.3, 73.0, 13.0), (3.2, 2.6, 4.5), (1.42, 1.50, 1.15)),
     Swell((0.0, 66.0, 14.0), (4.2, 2.2, 5.0), (1.2, 1.0, 1.0)),
 )
-#: How much narrower and, below the lips, shallower the inside of the mouth is, so that it fits the small jaw.
+#: Factors on width and, below the lips, depth of the inside of the mouth, to fit the small jaw.
 _MOUTH_NARROWER, _MOUTH_SHALLOWER = 0.38, 0.15
-#: The skin is subdivided where edges are longer than this, in centimetres, and along the lids' edges and the lips.
+#: Edge length in centimetres above which the skin is subdivided, as it is along the lids' edges and the lips.
 _LONGEST_EDGE = 1.4
-#: How far around its large eyeballs, in centimetres, skin is kept off them.
+#: Distance around its large eyeballs, in centimetres, in which skin is kept off them.
 _LID_REACH = 2.2
-#: Turn of the left ear for each unit at full strength, as a rotation vector in degrees.
+#: Rotation of the left ear for each unit at full strength, as a rotation vector in degrees.
 _EAR_TURNS = {
     "earUp": (0.0, 0.0, 22.0),
     "earDown": (0.0, 0.0, -42.0),
@@ -100,7 +100,7 @@ _EAR_TURNS = {
 def build_creature(
     builder: Builder, expressions: Mapping[str, dict[str, float]] = EXPRESSIONS
 ) -> tuple[Character, NDArray[np.float32]]:
-    """Return the creature, a character without shapes, and faces that it makes: its examples, or other ``expressions``.
+    """Return the creature, a character without shapes, and its faces in the examples, or in other ``expressions``.
 
     Returns:
         The neutral face, and the vertices of the faces in the order of the expressions, shape (E, N, 3), in
@@ -122,7 +122,7 @@ def build_creature(
     examples[0] = mesh.applied(examples[0])
     joined = join(examples)
     number = mesh.index(len(builder.place))
-    # The regions of the eyes number the character's vertices, all others those of the whole skin.
+    # The regions of the eyes index the character's vertices, all others those of the whole skin.
     named = regions(skin, builder.place, masks, joined.parts)
     kept = {name: ids if name.startswith("eye_") else number[ids] for name, ids in named.items()}
     points, titles = feature_points(skin, builder.place, joined.parts, mesh.kept)
@@ -147,7 +147,7 @@ def build_creature(
 
 
 def _creature_vertices(builder: Builder) -> tuple[Floats, Floats]:
-    """Return the base mesh as the creature, shape (N, 3), and how free each vertex is as part of an ear, (N,)."""
+    """Return the base mesh in the shape of the creature, (N, 3), and weights of the free parts of its ears, (N,)."""
     rest, skin = builder.rest, builder.skin
     vertices = even(identity_vertices(builder.source, rest, CREATURE), builder.mirror)
     ears = np.zeros(len(rest))
@@ -196,7 +196,7 @@ def _finished_skin(builder: Builder, skin: Piece, free: Floats, expressions: Map
 
 
 def _turned(eye: Piece, side: str, weights: Floats) -> Floats:
-    """Return the offsets of an eyeball in each face: turned as a whole, so that it stays round, shape (E, N, 3)."""
+    """Return the offsets of an eyeball, rotated rigidly, in each face, shape (E, N, 3)."""
     gaze = [
         {
             action: row[ARKIT_SHAPES.index(f"eye{action}{side}")]
@@ -208,7 +208,7 @@ def _turned(eye: Piece, side: str, weights: Floats) -> Floats:
 
 
 def _mesh(skin: Skin, vertices: Floats, brows: Ints) -> Reduced:
-    """Return the mesh of the skin whose fine ``vertices`` are given: finer where it shows, and on the ``brows``."""
+    """Return the mesh of the skin for the fine ``vertices``: finer in visible places and on the ``brows``."""
     corners = vertices[skin.quads]
     longest = np.round(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1), 3)
     edge = np.concatenate([skin.rings_left[LASH_RING], skin.lip_contact, brows])

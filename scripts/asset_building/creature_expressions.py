@@ -1,11 +1,10 @@
 """The creature's fifty example expressions, as strengths of face units; a name without a side means both sides.
 
-Strengths above 1 go further than a person's face would. The ears have units of their own: earUp, earDown, earBack and
-earForward.
+Strengths above 1 exceed human motions. The ears have additional units: earUp, earDown, earBack and earForward.
 """
 
 EXPRESSIONS: dict[str, dict[str, float]] = {
-    # What it feels.
+    # Emotions.
     "smile": {"mouthSmile": 0.8, "mouthDimple": 0.2, "cheekSquint": 0.5, "eyeSquint": 0.3, "earUp": 0.3},
     "grin": {
         "mouthSmile": 1.0,

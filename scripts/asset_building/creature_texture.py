@@ -1,4 +1,4 @@
-"""Paints the creature's skin: green, mottled, wrinkled over its dark brows and pale below, otherwise hairless."""
+"""Paint the creature's skin: green, mottled, wrinkled over its dark brows and pale below, otherwise hairless."""
 
 from dataclasses import dataclass
 
@@ -11,19 +11,19 @@ from scripts.asset_building.skin_texture import Colour, SkinTexels, blend, darke
 
 @dataclass(frozen=True)
 class HideLook:
-    """Colours (sRGB, 0..255) of a hide without hair but for the brows.
+    """Colours (sRGB, 0..255) of a hide, hairless except for the brows.
 
     Attributes:
         base: The face.
         back: Scalp, back of the head and outside of the ears.
         pale: Throat, jaw and around the mouth.
-        blood: Where it shows through: inside of the ears, nose, rims of the lids.
+        blood: Colour where blood shows through: inside of the ears, nose, rims of the lids.
         lips: The lips.
         spots: Freckles and blotches.
         hair: The brows.
-        brow: Curve of the left brow, as `SkinLook` has it.
+        brow: Curve of the left brow, as in `SkinLook`.
         brow_strength: Opacity of the brow's hairs.
-        seed: Of the random fields.
+        seed: Seed of the random fields.
     """
 
     base: Colour
@@ -76,7 +76,7 @@ def paint_hide(skin: SkinTexels, look: HideLook) -> NDArray[np.uint8]:
 
 
 def _ears(colour: Image32, skin: SkinTexels, look: HideLook, q: Image32, noise: Image32) -> Image32:
-    """Tint the ears: their hollow pink with veins, their back as the scalp."""
+    """Tint the ears: pink with veins inside, at their back like the scalp."""
     mask = skin.masks["free_ears"]
     ahead = smoothstep(-0.15, 0.35, skin.normal[:, 2] * 0.8 + np.sign(skin.place[:, 0]) * skin.normal[:, 0] * 0.6)
     colour = blend(colour, look.back, 0.55 * mask * (1.0 - ahead))
@@ -85,7 +85,7 @@ def _ears(colour: Image32, skin: SkinTexels, look: HideLook, q: Image32, noise: 
 
 
 def _wrinkled(colour: Image32, look: HideLook, q: Image32, noise: Noise) -> Image32:
-    """Draw soft furrows across the forehead, crow's feet beside the eyes and a dark ridge where brows would be."""
+    """Draw soft furrows across the forehead, crow's feet next to the eyes and a dark ridge at the brows."""
     x, y, z = q.T
     bend = noise(q, 5.0, 1)
     front = smoothstep(8.0, 10.5, z)

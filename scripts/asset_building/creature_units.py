@@ -1,8 +1,8 @@
-"""Re-sculpts the face units that the goblin's expressions are made of.
+"""Re-sculpt the face units of the goblin's expressions.
 
-Large eyes, a wide mouth and a low broad forehead make people's motions look small: on the goblin they go further. Its
-brows tilt: what lowers or raises their inner ends takes the outer ends the other way, so that anger and sorrow are told
-by their slope. Places are those of the base mesh, in centimetres.
+With large eyes, a wide mouth and a low broad forehead, human motions look small and are amplified on the goblin. Its
+brows tilt: lowering or raising their inner ends moves the outer ends the other way, so that their slope expresses anger
+and sorrow. Positions are those of the base mesh, in centimetres.
 """
 
 import numpy as np
@@ -27,18 +27,18 @@ _FURTHER = {
     "jawRight": 1.45,
     "jawForward": 1.5,
 }
-#: Along the brow, at these distances from the middle: factors on how far it goes down and up.
+#: Factors on the motion of the brow down and up, at these distances from the middle.
 _ALONG = (0.0, 1.6, 2.6, 3.8, 5.0, 6.2)
 _DOWN, _INNER_UP = (1.8, 1.9, 1.7, 1.0, 0.2, -0.4), (1.9, 2.1, 1.8, 1.0, 0.1, -0.6)
 _OUTER_UP = (0.0, 0.1, 0.7, 1.3, 1.5, 1.4)
-#: Factor on how far browDown draws the inner ends together.
+#: Factor on the motion of the inner ends towards each other in browDown.
 _TOGETHER = 1.8
-#: Between these heights the upper lid, which keeps its motion, becomes the brow.
+#: Heights of the transition from the upper lid, which keeps its motion, to the brow.
 _LID, _BROW = 73.4, 74.6
-#: Factors on noseSneer at the lips and at the nose, and the heights between which the one becomes the other.
+#: Factors on noseSneer at the lips and at the nose, and the heights of the transition between them.
 _SNEER_LIPS, _SNEER_NOSE, _LIPS, _NOSE = 0.1, 1.4, 66.5, 68.3
-#: Places that noseSneer lifts beside what the source does, with the way and the radius: the wing of the nose, the fold
-#: beside it, and the skin below.
+#: Positions that noseSneer lifts in addition to the source, with offset and radius: the wing of the nose, the fold next
+#: to it, and the skin below.
 _SNEER = (
     ((1.5, 69.3, 15.0), (0.10, 0.42, 0.05), 1.3),
     ((2.7, 69.6, 14.0), (0.08, 0.34, 0.24), 1.5),
@@ -47,11 +47,11 @@ _SNEER = (
 
 
 def goblin_units(units: Floats, rest: Floats) -> Floats:
-    """Return ``units``, offsets on the goblin in the order of ``ARKIT_SHAPES``, shape (52, N, 3), as it has them.
+    """Return ``units``, offsets on the goblin in the order of ``ARKIT_SHAPES``, shape (52, N, 3), re-sculpted.
 
     Args:
-        units: People's, fitted to the goblin.
-        rest: The base mesh that they were made for, in centimetres, shape (N, 3).
+        units: Human units, fitted to the goblin.
+        rest: Base mesh of the units, in centimetres, shape (N, 3).
     """
     result = units.copy()
     row = {name: k for k, name in enumerate(ARKIT_SHAPES)}

@@ -1,8 +1,8 @@
-"""Simplifies a mesh that moves: vertices are merged into neighbours where no pose misses them.
+"""Simplify a deforming mesh: merge vertices into neighbours with the least error over a set of poses.
 
 Quadric errors (Garland and Heckbert, "Surface simplification using quadric error metrics", 1997), summed over poses
-(Mohr and Gleicher, "Deformation sensitive decimation", 2003). A vertex that stays keeps its place, so that whatever
-is known of it, such as its movement in every shape, stays exact.
+(Mohr and Gleicher, "Deformation sensitive decimation", 2003). Remaining vertices keep their positions, so that
+their attributes, such as their motion in every shape, remain exact.
 """
 
 import heapq
@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 
 from scripts.asset_building.piece import Floats, Ints
 
-#: New triangles may turn by at most about the angle with this cosine in any pose, and be at most so thin: four times
-#: the root of three times the area over the sum of the squared sides, which is 1 for an equilateral triangle.
+#: Cosine of the largest rotation of a triangle in any pose, and least quality of a triangle: four times the root of
+#: three times the area over the sum of the squared sides, which is 1 for an equilateral triangle.
 _LEAST_COSINE, _LEAST_QUALITY = 0.25, 0.12
-#: Weight of planes that stand on feature lines, and of the length of the edge that is closed up.
+#: Weight of planes perpendicular to the surface along feature lines, and of the length of the collapsed edge.
 _LINE_WEIGHT, _LENGTH_WEIGHT = 4.0, 2e-3
 
 
 class Decimation:
-    """A triangle mesh while it is being simplified.
+    """Simplification of a triangle mesh.
 
     Attributes:
-        triangles: Vertex ids of each triangle that is left, by its number in the mesh given.
+        triangles: Vertex ids of each remaining triangle, by its index in the original mesh.
     """
 
     def __init__(
@@ -41,11 +41,11 @@ class Decimation:
         Args:
             poses: Vertices in each of P poses, the neutral one first, shape (P, N, 3).
             triangles: Vertex ids, shape (T, 3).
-            weights: How much an error at each vertex counts, shape (N,).
-            lines: Edges of feature lines, which stay lines, shape (L, 2); all borders must be among them.
-            locked: Vertices that stay, besides the ends and junctions of the lines.
-            charts: The chart of the texture in which each triangle lies, shape (T,).
-            flat: Where each vertex lies in each of C charts, if it does, shape (C, N, 2); no triangle is turned over.
+            weights: Weight of an error at each vertex, shape (N,).
+            lines: Edges of feature lines, which are preserved, shape (L, 2); they must include all borders.
+            locked: Vertices to keep, in addition to the ends and junctions of the lines.
+            charts: Chart of the texture of each triangle, shape (T,).
+            flat: Position of each vertex in each of C charts, if any, shape (C, N, 2); no triangle is flipped.
         """
         self.triangles = dict(enumerate(map(tuple, triangles.tolist())))
         self._poses = np.ascontiguousarray(poses.transpose(1, 0, 2))
@@ -62,13 +62,13 @@ class Decimation:
             self._on_line.setdefault(a, set()).add(b)
             self._on_line.setdefault(b, set()).add(a)
         self._locked = set(np.asarray(locked).tolist())
-        self._locked |= {vertex for vertex, beside in self._on_line.items() if len(beside) != 2}
+        self._locked |= {vertex for vertex, neighbours in self._on_line.items() if len(neighbours) != 2}
         self._quadrics = _quadrics(poses, triangles, lines)
         self._stamp = dict.fromkeys(self._at, 0)
         self._heap: list[tuple[float, int, int, int]] = []
 
     def run(self, n_vertices: int) -> None:
-        """Merge vertices until ``n_vertices`` are left, or none can be merged."""
+        """Merge vertices until ``n_vertices`` remain, or none can be merged."""
         for vertex in sorted(self._at):
             self._push(vertex)
         while len(self._at) > n_vertices and self._heap:
@@ -82,7 +82,7 @@ class Decimation:
         return around
 
     def _push(self, vertex: int) -> None:
-        """Offer every way in which ``vertex`` may be merged into a neighbour."""
+        """Queue all merges of ``vertex`` into a neighbour."""
         self._stamp[vertex] += 1
         if vertex in self._locked:
             return
@@ -124,11 +124,11 @@ class Decimation:
             else:
                 self.triangles[number] = tuple(target if corner == vertex else corner for corner in corners)
                 self._at[target].add(number)
-        for beside in self._on_line.pop(vertex, set()):
-            self._on_line[beside].discard(vertex)
-            if beside != target:
-                self._on_line[beside].add(target)
-                self._on_line[target].add(beside)
+        for neighbour in self._on_line.pop(vertex, set()):
+            self._on_line[neighbour].discard(vertex)
+            if neighbour != target:
+                self._on_line[neighbour].add(target)
+                self._on_line[target].add(neighbour)
         self._quadrics[target] += self._quadrics[vertex]
         del self._stamp[vertex]
         for changed in sorted(self._neighbours(target) | {target}):

@@ -1,4 +1,4 @@
-"""Measures of human teeth and dental arches, and where they put the teeth of a head.
+"""Measures of human teeth and dental arches, and the resulting positions of teeth in a head.
 
 - Crowns: mean lengths and diameters of permanent teeth as Wheeler gives them (Nelson and Ash, "Wheeler's Dental
   Anatomy, Physiology and Occlusion", 9th ed., 2010, chapters 6 to 12).
@@ -24,26 +24,26 @@ from scripts.asset_building.piece import Floats
 #: Kinds of teeth from the middle backwards.
 INCISOR, LATERAL, CANINE, PREMOLAR, SECOND_PREMOLAR, MOLAR, SECOND_MOLAR = range(7)
 N_KINDS = 7
-#: How far lower incisors stand behind the upper ones, and how far these reach over them, in centimetres.
+#: Overjet and overbite of the incisors, in centimetres.
 OVERJET, OVERBITE = 0.30, 0.22
-#: By how many degrees the plane of the bite rises backwards.
+#: Slope of the plane of the bite towards the back, in degrees.
 _TILT = 8.0
 
 
 @dataclass(frozen=True)
 class Arch:
-    """The teeth of one jaw and the line on which they stand, in centimetres of a man.
+    """Teeth of one jaw and the line of the arch, in centimetres of a man.
 
     Attributes:
         up: +1 if the crowns grow upwards from the bite (upper jaw), else -1.
         sixth, second: The coefficients A and B of the arch's form.
-        setback: How far behind the upper incisors' edges the line begins.
+        setback: Distance of the beginning of the line behind the edges of the upper incisors.
         width: Mesiodistal diameters of the crowns from the middle backwards, shape (7,).
-        length: Of the crowns, from the neck to the edge, shape (7,).
+        length: Lengths of the crowns, from the neck to the edge, shape (7,).
         depth: Labiolingual diameters, shape (7,).
         neck: Mesiodistal diameter at the neck as a share of the width, shape (7,).
-        tip: How far from the plane of the bite the edges end, positive towards the roots, shape (7,).
-        inclination: Of the crowns' faces in degrees; positive where the neck lies inside of the edge, shape (7,).
+        tip: Distances of the edges from the plane of the bite, positive towards the roots, shape (7,).
+        inclination: Inclination of the crowns' faces in degrees, positive if the neck is inside the edge, shape (7,).
     """
 
     up: int
@@ -63,7 +63,7 @@ class Arch:
         return np.concatenate([[0.0], np.cumsum(self.width)])
 
     def at(self, length: Floats) -> tuple[Floats, Floats]:
-        """Return the places of the line at signed ``length`` from the middle and the normals that point outside.
+        """Return the positions on the line at signed ``length`` from the middle, and the outward normals.
 
         Both have shape (..., 2): to the left, and backwards.
         """
@@ -108,12 +108,12 @@ LOWER = Arch(
 
 @dataclass(frozen=True)
 class MouthFrame:
-    """Where the mouth's inside lies in a head: the middle between the upper incisors' edges, and its size.
+    """Frame of the inside of the mouth in a head: the midpoint of the upper incisors' edges, and its size.
 
     Attributes:
         origin: Shape (3,), in centimetres.
-        scale: 1 for a man's.
-        width: Further factor across.
+        scale: Size relative to that of a man.
+        width: Additional factor on the width.
     """
 
     origin: Floats
@@ -121,7 +121,7 @@ class MouthFrame:
     width: float = 1.0
 
     def place(self, across: Floats, back: Floats, up: Floats) -> Floats:
-        """Return positions, shape (..., 3), of places to the left, behind and above, in centimetres of a man."""
+        """Return positions, shape (..., 3), for coordinates to the left, back and up, in centimetres of a man."""
         tilt = np.deg2rad(_TILT)
         along = np.array([0.0, np.sin(tilt), -np.cos(tilt)])
         normal = np.array([0.0, np.cos(tilt), np.sin(tilt)])

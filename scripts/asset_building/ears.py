@@ -1,4 +1,4 @@
-"""Long pointed ears, and how they move: smooth deformations of the base mesh's."""
+"""Long pointed ears and their motion, as smooth deformations of the base mesh's ears."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,19 @@ from scipy.spatial.transform import Rotation
 
 from scripts.asset_building.piece import Floats
 
-#: Lowest and highest place of the ears on the base mesh in centimetres.
+#: Lowest and highest position of the ears on the base mesh in centimetres.
 _LOBE, _TOP = 68.3, 73.4
-#: Distance from the head, in centimetres of the base mesh, over which an ear becomes free of it.
+#: Distance from the head, in centimetres of the base mesh, over which an ear detaches from it.
 _FREE = 1.1
 
 
 @dataclass(frozen=True)
 class EarShape:
-    """How ears are drawn out to a point.
+    """Parameters of pointed ears.
 
     Attributes:
-        reach: How far the top is pulled, in centimetres to the left, up and ahead (left ear).
-        sharpness: How strongly the pull grows towards the top.
+        reach: Offset of the top, in centimetres to the left, up and forward (left ear).
+        sharpness: Growth of the offset towards the top.
         narrowing: Share of the width that is lost at the tip.
     """
 
@@ -30,7 +30,7 @@ class EarShape:
 
 
 def ear_freedom(place: Floats, ears: Floats) -> Floats:
-    """Return how far each vertex belongs to the free part of an ear, 0 at its root to 1, shape (N,).
+    """Return the weight of each vertex in the free part of an ear, from 0 at its root to 1, shape (N,).
 
     Args:
         place: Positions on the base mesh in centimetres, shape (N, 3).
@@ -45,7 +45,7 @@ def ear_freedom(place: Floats, ears: Floats) -> Floats:
 
 
 def ear_height(place: Floats) -> Floats:
-    """Return the height within the ear of places on the base mesh, 0 at the lobe to 1 at the top, shape (N,)."""
+    """Return the relative height of base-mesh positions in the ear, 0 at the lobe to 1 at the top, shape (N,)."""
     height: Floats = np.clip((place[:, 1] - _LOBE) / (_TOP - _LOBE), 0.0, 1.0)
     return height
 
@@ -56,14 +56,14 @@ def point_ears(vertices: Floats, place: Floats, free: Floats, shape: EarShape) -
     Args:
         vertices: The head in centimetres, shape (N, 3).
         place: The same vertices on the base mesh, shape (N, 3).
-        free: What `ear_freedom` says of them, shape (N,).
-        shape: The wanted ears.
+        free: Weights from `ear_freedom`, shape (N,).
+        shape: Parameters of the ears.
     """
     side = np.sign(place[:, 0])[:, None] * [1.0, 0.0, 0.0] + [0.0, 1.0, 1.0]
     height = ear_height(place)
     pull = (free * height**shape.sharpness)[:, None]
     result = vertices.copy()
-    # The outline closes in on the line through the ear's middle as it rises.
+    # The outline narrows towards the line through the ear's middle as it rises.
     on_ear = free > 0.0
     middle = vertices[on_ear, 2].mean()
     result[:, 2] += free * shape.narrowing * height**1.5 * (middle - vertices[:, 2])
@@ -72,14 +72,14 @@ def point_ears(vertices: Floats, place: Floats, free: Floats, shape: EarShape) -
 
 
 def turn_ears(vertices: Floats, place: Floats, free: Floats, side: str, axis: Floats) -> Floats:
-    """Return the offsets, shape (N, 3), that turn one ear about its root, more towards its tip.
+    """Return the offsets, shape (N, 3), of a rotation of one ear about its root, increasing towards its tip.
 
     Args:
         vertices: The head in centimetres, shape (N, 3).
         place: The same vertices on the base mesh, shape (N, 3).
-        free: What `ear_freedom` says of them, shape (N,).
+        free: Weights from `ear_freedom`, shape (N,).
         side: "Left" or "Right".
-        axis: Rotation vector in degrees for the left ear, shape (3,); the right ear turns as its mirror image.
+        axis: Rotation vector in degrees for the left ear, shape (3,); the right ear mirrors it.
     """
     sign = 1.0 if side == "Left" else -1.0
     moved = np.where(sign * place[:, 0] > 0.0, free, 0.0) * (0.55 + 0.45 * ear_height(place))

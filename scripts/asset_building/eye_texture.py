@@ -1,4 +1,4 @@
-"""Paints eyeball and lashes."""
+"""Paint the textures of eyeball and lashes."""
 
 from dataclasses import dataclass
 
@@ -20,9 +20,9 @@ class IrisLook:
         inner: The iris at the pupil.
         middle: The iris in the middle.
         rim: The iris at its rim.
-        seed: Of the iris's pattern and the veins.
+        seed: Seed of the pattern of the iris and the veins.
         white: The white of the eye.
-        slit: How much narrower than round the pupil is, and how much higher: 1 is round, 0.5 a cat's.
+        slit: Factor on the width of the pupil, and its inverse on the height: 1 is round, 0.5 a cat's.
     """
 
     inner: Colour
@@ -34,7 +34,7 @@ class IrisLook:
 
 
 def paint_eye(look: IrisLook, size: int = 1024) -> NDArray[np.uint8]:
-    """Return the eyeball's texture, shape (size, size, 3): seen along the gaze axis, radius in proportion to angle."""
+    """Return the eyeball's texture, shape (size, size, 3): seen along the gaze axis, radius proportional to angle."""
     row, column = np.mgrid[:size, :size]
     x = ((column + 0.5) / size - 0.5).astype(np.float32)
     y = (0.5 - (row + 0.5) / size).astype(np.float32)
@@ -52,7 +52,8 @@ def paint_eye(look: IrisLook, size: int = 1024) -> NDArray[np.uint8]:
 def paint_lashes(length_seed: int, width: int = 1024, height: int = 512) -> NDArray[np.uint8]:
     """Return the lashes' texture, shape (height, width, 4): upper lashes in the upper half, roots at its lower border.
 
-    Columns run from the inner to the outer corner of the eye. Colour is one dark brown, alpha the hairs.
+    Columns run from the inner to the outer corner of the eye. The colour is a uniform dark brown, alpha contains the
+    hairs.
     """
     rng = np.random.default_rng(length_seed)
     scale = 2

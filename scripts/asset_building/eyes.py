@@ -13,7 +13,7 @@ PUPIL_ANGLE, IRIS_ANGLE = 7.5, 24.0
 
 @dataclass(frozen=True)
 class EyeDetail:
-    """How finely an eyeball is made: angles of its rings from the gaze axis, and vertices in each, an even number."""
+    """Resolution of an eyeball: angles of its rings from the gaze axis, and the even number of vertices in each."""
 
     rings: tuple[float, ...]
     sectors: int
@@ -22,13 +22,13 @@ class EyeDetail:
 #: Pupil and iris end on a ring.
 FULL_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0), 28)
 LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 36.0, 56.0, 90.0), 14)
-#: How far the cornea rises over the ball's sphere, in radii; in people it is about this much.
+#: Height of the cornea over the sphere, in radii, about that of human eyes.
 CORNEA_HEIGHT = 0.07
-#: The texture shows the ball from the gaze axis, in its middle, to this angle, at its border.
+#: Angle from the gaze axis at the border of the texture, which has the axis in its middle.
 TEXTURE_ANGLE = 100.0
 TEXTURE_RADIUS = 0.49
 
-#: Turn at full strength in degrees: about x (positive looks down) and about y (positive looks to the left).
+#: Rotation at full strength in degrees: about x (positive looks down) and about y (positive looks to the left).
 GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -27.0), "LookOut": (0.0, 27.0)}
 
 
@@ -47,7 +47,7 @@ def build_eye(
         np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1
     )
     directions = np.concatenate([[[0.0, 0.0, 1.0]], directions.reshape(-1, 3), [[0.0, 0.0, -1.0]]])
-    # Both eyes are each other's mirror image, vertex by vertex.
+    # The eyes mirror each other vertex by vertex.
     directions[:, 0] *= sign
     angle = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
     local = directions * (radius * surface_radius(angle))[:, None]
@@ -73,7 +73,7 @@ def surface_radius(angle: Floats) -> Floats:
 
 
 def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floats:
-    """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, turned by gaze shapes together.
+    """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, rotated by gaze shapes together.
 
     Args:
         vertices: The eyeball, shape (N, 3); its poles are its first and last vertices.
@@ -89,9 +89,9 @@ def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floa
 
 
 def place_eye(rest_lids: Floats, lids: Floats, rest_centre: Floats) -> tuple[Floats, float]:
-    """Return the centre an eyeball needs to sit between ``lids`` (n, 3) as it sat between ``rest_lids``, and its scale.
+    """Return centre and scale of an eyeball relative to ``lids`` (n, 3) as in the source relative to ``rest_lids``.
 
-    The eyeballs of the source do not follow the lids of every identity; translation and scale of the lids do.
+    The source's eyeballs do not follow the lids of every identity; here they get the translation and scale of the lids.
     """
     rest_middle, middle = rest_lids.mean(axis=0), lids.mean(axis=0)
     spread = np.sqrt(((lids - middle) ** 2).sum() / ((rest_lids - rest_middle) ** 2).sum())

@@ -1,4 +1,4 @@
-"""Gums that hold the teeth, with the hard palate above and the floor of the mouth below, and the throat."""
+"""Gums around the teeth, with the hard palate above and the floor of the mouth below, and the throat."""
 
 from dataclasses import dataclass
 
@@ -11,21 +11,21 @@ from scripts.asset_building.teeth import CrownShape
 #: Columns of the gum for each front tooth and each of those behind, as u on the crown: at the crown's own edges, so
 #: that the two surfaces meet in a straight line from column to column.
 _COLUMNS, _COLUMNS_BEHIND = (-1.0, -0.83, -0.49, 0.0, 0.49, 0.83), (-1.0, -0.7, 0.0, 0.7)
-#: How far up the crown the gum reaches in its middle and between two teeth, as shares of the crown's length.
+#: Height of the gum on the crown in its middle and between two teeth, as shares of the crown's length.
 _ZENITH, _PAPILLA = 0.95, 0.68
 #: Exponent of the margin's arch from its middle to the papilla: lower is rounder.
 _SCALLOP = 2.8
-#: How far around a crown, as u on it, the margin, the rounded edge above it and the attached gum follow its surface;
-#: further on they bridge the gap to the next crown.
+#: Range around a crown, as u on it, in which the margin, the rounded edge above it and the attached gum follow its
+#: surface; beyond, they bridge the gap to the next crown.
 _MARGIN_FOLLOWS, _EDGE_FOLLOWS, _ATTACHED_FOLLOWS = 0.97, 0.92, 0.86
-#: How far the gum goes on behind the last tooth, in centimetres.
+#: Length of the gum behind the last tooth, in centimetres.
 _BEHIND = np.array([0.22, 0.50])
-#: Rows from the outer fold over the margins to where palate and floor begin, as v of the texture.
+#: Rows from the outer fold over the margins to the beginning of palate and floor, as v of the texture.
 _V_OUTSIDE = (0.0, 0.16, 0.31, 0.37, 0.40, 0.44)
 _V_INSIDE = (0.48, 0.52, 0.56, 0.66)
-#: How far the rows of palate and floor are on the way to the middle; that of the last one is 1.
+#: Positions of the rows of palate and floor on the way to the middle; the last one is 1.
 _ACROSS = np.array([0.28, 0.55, 0.80])
-#: Distances behind the incisors along the middle and how high the palate is there over the bite, in centimetres.
+#: Distances behind the incisors along the middle, and height of the palate over the bite, in centimetres.
 _VAULT = ((0.6, 1.1, 1.8, 2.6, 3.4, 5.0), (1.05, 1.25, 1.62, 1.90, 2.0, 1.95))
 #: The same of the floor of the mouth, downwards.
 _FLOOR = ((0.6, 1.4, 2.5, 5.0), (1.35, 1.75, 1.95, 2.1))
@@ -33,13 +33,13 @@ _FLOOR = ((0.6, 1.4, 2.5, 5.0), (1.35, 1.75, 1.95, 2.1))
 
 @dataclass(frozen=True)
 class _Columns:
-    """The columns of one side of a gum from the middle backwards, n of them.
+    """The n columns of one side of a gum from the middle backwards.
 
     Attributes:
-        length: Along the arch, shape (n,).
-        shapes: Per column the crowns that it touches with u on them: one, or two between teeth.
-        margin: How far up the crown the margin lies, as a share of its length, shape (n,).
-        past: How far behind the last tooth, in centimetres, shape (n,).
+        length: Lengths along the arch, shape (n,).
+        shapes: Crowns that each column touches, with u on them: one, or two between teeth.
+        margin: Height of the margin on the crown, as a share of its length, shape (n,).
+        past: Distance behind the last tooth, in centimetres, shape (n,).
     """
 
     length: Floats
@@ -74,15 +74,15 @@ def half_and_half(
 ) -> tuple[Floats, Ints]:
     """Return both sides of a jaw with the palate or the floor between them: vertices (n, 3) and quads (f, 4).
 
-    Columns go from the right end over the middle to the left end. The last row lies in the plane of symmetry and has
-    the columns of the left side alone.
+    Columns run from the right end over the middle to the left end. The last row is in the plane of symmetry and has
+    only the columns of the left side.
 
     Args:
         arch: The jaw.
-        frame: Where it lies.
-        grid: The rows of the left side, the outermost first: places (c, 2) to the left and backwards, and distances
-            from the bite towards the roots (c,); the first column lies in the middle.
-        across: How far the rows of palate or floor are on the way to the middle, rising below 1.
+        frame: Frame of the mouth.
+        grid: Rows of the left side, the outermost first: positions (c, 2) to the left and backwards, and distances
+            from the bite towards the roots (c,); the first column is in the middle.
+        across: Positions of the rows of palate or floor on the way to the middle, ascending below 1.
     """
     start, start_height = grid[-1]
     back = start[:, 1] + 0.62 * (1.0 - smooth(start[:, 1] / 5.0))
@@ -133,7 +133,7 @@ def _columns(arch: Arch) -> _Columns:
 
 
 def _line(arch: Arch, columns: _Columns) -> tuple[Floats, Floats]:
-    """Return the places of the columns and the normals that point outside, shape (n, 2) each.
+    """Return the positions of the columns and the outward normals, shape (n, 2) each.
 
     Crowns stand on tangents of the arch, and so does the gum around them; behind them it follows the arch itself.
     """
@@ -150,7 +150,7 @@ def _line(arch: Arch, columns: _Columns) -> tuple[Floats, Floats]:
 
 
 def _rows(arch: Arch, columns: _Columns) -> list[tuple[Floats, Floats]]:
-    """Return how far outside the arch's line and how far from the bite each row lies, outer fold first."""
+    """Return the distances of each row outside the arch's line and from the bite, outer fold first."""
 
     def out(level: Floats, side: float, follows: float) -> Floats:
         value = []
@@ -180,7 +180,7 @@ def _rows(arch: Arch, columns: _Columns) -> list[tuple[Floats, Floats]]:
     rows = []
     for side in (1.0, -1.0):
         base = _along(out(1.1 * one, side, _ATTACHED_FOLLOWS))
-        # Below the surface of the crown, so that the gum meets it in a line and its edge hides nothing.
+        # Below the surface of the crown, so that the gum meets it in a line.
         margin = out(columns.margin, side, _MARGIN_FOLLOWS) - side * np.where(behind, -0.014, 0.018)
         strip = [
             (base + (-0.06 if side > 0 else -0.16), neck_height + (0.50 if side > 0 else 0.42)),
@@ -197,7 +197,7 @@ def _rows(arch: Arch, columns: _Columns) -> list[tuple[Floats, Floats]]:
 
 
 def _surface(shape: CrownShape, level: float, u: float, follows: float) -> float:
-    """Return v of the crown's outer side at ``level`` beside its middle by ``u`` of half its place on the arch."""
+    """Return v of the crown's outer side at ``level`` and the offset ``u`` from its middle on the arch."""
     half = 0.5 * shape.arch.width[shape.kind]
     on_crown = abs(u) * half / float(shape.half_width(np.array(level)))
     return float(shape.drawn_face_at(np.array(min(on_crown, follows))))
@@ -227,7 +227,7 @@ def build_throat(frame: MouthFrame, n_columns: int = 21) -> tuple[Floats, Ints, 
     h = h - hang[:, None] * np.exp(-((x / 0.27) ** 4))
     forward = 0.22 * hang[:, None] * np.exp(-((x / 0.34) ** 2))
     soft = frame.place(x, back[:, None] - forward, h).reshape(-1, 3)
-    # The wall: half a tube, wider than the opening, whose front edges the pillars hide.
+    # The wall: half a tube, wider than the opening, with its front edges hidden by the pillars.
     angle = 0.5 * np.pi * columns
     level = np.array([2.4, 1.2, 0.0, -1.2, -2.4, -3.8])
     bow = 1.0 - 0.10 * np.linspace(-1.0, 1.0, len(level)) ** 2

@@ -1,4 +1,4 @@
-"""Cuts the shapes that ARKit has once for both sides, browInnerUp and cheekPuff, into a left and a right half."""
+"""Split the two-sided shapes of ARKit, browInnerUp and cheekPuff, into a left and a right half."""
 
 import numpy as np
 
@@ -11,12 +11,12 @@ _FADE = {"browInnerUp": 1.4, "cheekPuff": 2.2}
 
 
 def in_halves(names: tuple[str, ...], shapes: Floats, x: Floats) -> tuple[tuple[str, ...], Floats]:
-    """Return names and offsets with two halves in the place of each of the shapes above, whose sum is the whole.
+    """Return names and offsets with each of the shapes above replaced by two halves, which sum to the whole.
 
     Args:
-        names: Of the shapes, S of them.
+        names: Names of the S shapes.
         shapes: Their offsets, shape (S, N, 3).
-        x: Of each vertex, positive on the character's left, in centimetres, shape (N,).
+        x: Coordinate of each vertex, positive on the character's left, in centimetres, shape (N,).
     """
     halved_names: list[str] = []
     halved: list[Floats] = []

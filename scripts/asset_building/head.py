@@ -1,4 +1,4 @@
-"""Cuts the skin of head and neck out of the base mesh and finds the loops around the eyes."""
+"""Cut the skin of head and neck out of the base mesh and find the loops around the eyes."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -16,16 +16,16 @@ _NECK_FRONT = 811
 _LIP_CONTACT = 474
 #: The vertex at the back of the left eye's socket, from which the rings around the eye are counted outwards.
 _SOCKET_LEFT = 8020
-#: The chart of the mouth's inside lies below this v in the base mesh's layout, all other skin above.
+#: v of the base mesh's layout below which is the chart of the mouth's inside; all other skin is above.
 _MOUTH_CHART_TOP = 0.145
-#: The ring that the lashes grow from, and the rings that make up the lid's edge.
+#: The ring of the lashes' roots, and the rings of the lid's edge.
 LASH_RING = 13
 LID_RINGS = (10, 11, 12, 13)
 
 
 @dataclass(frozen=True)
 class Skin:
-    """The skin's topology.
+    """Topology of the skin.
 
     Attributes:
         base_ids: Ids in the base mesh of the control mesh's vertices, shape (C,).
@@ -37,7 +37,7 @@ class Skin:
         lip_contact: Those of the loop around the mouth along which the lips touch, in order.
         rings_left: Control vertices around the left eye by distance in the mesh, from the socket's back outwards.
         mirror: The control vertex opposite each in x, shape (C,).
-        in_mouth: Which control quads line the mouth's inside, shape (F,).
+        in_mouth: Mask of the control quads that line the inside of the mouth, shape (F,).
     """
 
     base_ids: Ints
@@ -59,7 +59,7 @@ class Skin:
         return index
 
     def fine_loop(self, loop: Ints) -> Ints:
-        """Return a closed loop of control vertices with the vertices that subdivision puts between them."""
+        """Return a closed loop of control vertices with the vertices that subdivision inserts."""
         neighbours = defaultdict(set)
         for a, b in np.stack([self.fine.quads, np.roll(self.fine.quads, -1, 1)], -1).reshape(-1, 2).tolist():
             neighbours[a].add(b)
@@ -96,7 +96,7 @@ def cut_skin(base: BaseMesh, base_mirror: Ints) -> Skin:
 
 
 def split_uv(uv: NDArray[np.float64], quad_uvs: Ints) -> tuple[NDArray[np.float64], Ints]:
-    """Return texture coordinates for a subdivided mesh, without smoothing them, so that seams stay."""
+    """Return texture coordinates for a subdivided mesh, without smoothing them, so that seams are preserved."""
     split = linear_split(quad_uvs, len(uv))
     return split.matrix @ uv, split.quads
 
@@ -145,7 +145,7 @@ def _faces_at_edges(base: BaseMesh, faces: NDArray[np.intp]) -> dict[frozenset[i
 
 def _above(base: BaseMesh, faces_at: dict[frozenset[int], list[int]], loop: list[int]) -> NDArray[np.intp]:
     """Return the quads that can be reached from the highest one without crossing ``loop``, shape (F,)."""
-    faces = sorted({face for beside in faces_at.values() for face in beside})
+    faces = sorted({face for adjacent in faces_at.values() for face in adjacent})
     fence = {frozenset(edge) for edge in zip(loop, loop[1:] + loop[:1], strict=True)}
     crown = faces[int(base.vertices[base.quads[faces], 1].mean(axis=1).argmax())]
     reached, front = {crown}, [crown]
@@ -160,7 +160,7 @@ def _above(base: BaseMesh, faces_at: dict[frozenset[int], list[int]], loop: list
 
 
 def _edge_loop(faces_at: dict[frozenset[int], list[int]], base: BaseMesh, start: int) -> list[int]:
-    """Follow the edges sideways from ``start``, straight through vertices of four edges, around to where it began."""
+    """Follow the edges sideways from ``start``, straight through vertices of four edges, back to ``start``."""
     edges_at: dict[int, list[frozenset[int]]] = defaultdict(list)
     for edge in faces_at:
         for vertex in edge:
@@ -179,5 +179,5 @@ def _edge_loop(faces_at: dict[frozenset[int], list[int]], base: BaseMesh, start:
         if vertex == loop[0]:
             return loop
         loop.append(vertex)
-        beside = set(faces_at[edge])
-        (edge,) = (other for other in edges_at[vertex] if beside.isdisjoint(faces_at[other]))
+        adjacent = set(faces_at[edge])
+        (edge,) = (other for other in edges_at[vertex] if adjacent.isdisjoint(faces_at[other]))

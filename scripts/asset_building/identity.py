@@ -1,4 +1,4 @@
-"""The two people: which targets shape them, and how the end of the neck is made level."""
+"""The two human characters: their identity targets, and levelling of the end of the neck."""
 
 from dataclasses import dataclass
 
@@ -10,32 +10,32 @@ from scipy.sparse.linalg import spsolve
 from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.source import Source
 
-#: Folders of targets that come as a left and a right one.
+#: Folders of targets with separate left and right versions.
 _SIDED = ("eyes/", "ears/", "cheek/")
 
-#: Height, in decimetres of the base mesh, above which levelling the neck's end moves nothing.
+#: Height, in decimetres of the base mesh, above which levelling the neck's end has no effect.
 NECK_TOP = 6.15
-#: How much lower the neck ends in front than at the back, in centimetres.
+#: Difference in height of the neck's end between front and back, in centimetres.
 _NECK_DROP = 1.5
-#: How far closed lips are pressed together, and how far around their contact they are moved, in centimetres.
+#: Overlap of closed lips, and distance from their contact in which they are moved, in centimetres.
 _LIP_OVERLAP, _CORNER_OVERLAP, _LIP_REACH = 0.03, 0.17, 0.45
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What makes one person.
+    """Recipe of one person.
 
     Attributes:
         name: File name of the character.
-        title: Name to show.
+        title: Displayed name.
         targets: Strength of each identity target.
-        lids_relaxed: Strength of the face units eyeBlink that lower the lids a little: the source's stare.
-        lips_closed: Strength of the face unit mouthClose, which brings the lips together: the source's are parted.
+        lids_relaxed: Strength of the face units eyeBlink that lower the lids slightly, since the source's eyes stare.
+        lips_closed: Strength of the face unit mouthClose, since the source's lips are parted.
         neck_slim: Factor on the width of the neck's end.
         lash_length: Factor on the length of the eyelashes.
-        hair_height: How far hair lifts the outline of the head, in centimetres.
-        eye_forward: How much farther forward between the lids the eyeballs sit than the source's, in radii: corneas
-            reach about as far as the lids' edges, as in people.
+        hair_height: Height of the hair over the head, in centimetres.
+        eye_forward: Offset of the eyeballs between the lids relative to the source, in radii: corneas reach about as
+            far as the lids' edges, as in people.
     """
 
     name: str
@@ -125,7 +125,7 @@ def identity_vertices(source: Source, rest: Floats, recipe: Recipe) -> Floats:
 
 
 def close_lips(vertices: Floats, loop: Ints) -> Floats:
-    """Return the skin's control mesh with upper and lower lip brought together along their contact.
+    """Return the skin's control mesh with upper and lower lip closed along their contact.
 
     Args:
         vertices: Positions in centimetres, shape (N, 3).
@@ -142,7 +142,7 @@ def close_lips(vertices: Floats, loop: Ints) -> Floats:
     result = vertices.copy()
     for chain, half, towards in ((chains[0], y <= middle, 0.5), (chains[1], y > middle, -0.5)):
         inner = chain[1:-1]
-        # Subdivision rounds the loop's corners and so would open them again.
+        # Subdivision rounds the loop's corners, which would open them again.
         overlap = _LIP_OVERLAP + _CORNER_OVERLAP * np.abs(x[inner] / x[loop].max()) ** 3
         rise = towards * np.maximum(gap[inner] + overlap, 0.0)
         near = np.exp(-((np.linalg.norm(vertices[half][:, None] - vertices[inner][None], axis=2) / _LIP_REACH) ** 2))
@@ -157,7 +157,7 @@ def level_neck(vertices: Floats, quads: Ints, loop: Ints, fixed: NDArray[np.bool
         vertices: Positions in centimetres, shape (N, 3).
         quads: Vertex ids, shape (F, 4).
         loop: The vertices of the neck's border, shape (L,).
-        fixed: Which vertices stay, shape (N,).
+        fixed: Mask of the vertices to keep, shape (N,).
         recipe: The person.
     """
     end = vertices[loop]

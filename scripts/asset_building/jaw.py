@@ -1,20 +1,20 @@
-"""How the lower jaw moves: it turns about the line through its two condyles, just before the ear canals.
+"""Motion of the lower jaw: a rotation about the line through its two condyles, just in front of the ear canals.
 
-The line lies where Bonwill's triangle puts it: in 98 mm from the edge of the lower incisors, the condyles about as far
+The line is given by Bonwill's triangle: at 98 mm from the edge of the lower incisors, the condyles about as far
 apart (W. G. A. Bonwill, 1899; mean of dry mandibles 97.4 to 98.6 mm). Maximum opening of adults is 51 mm between
-the incisors (Woelfel, Igarashi and Dong, 2014), of which the condyles' glide adds a good part; `OPENING` is the turn
-that opens as far as the face units do, 35 mm at the incisors of the base mesh.
+the incisors (Woelfel, Igarashi and Dong, 2014), a large part of which is due to the condyles' glide; `OPENING` is the
+rotation that opens as far as the face units do, 35 mm at the incisors of the base mesh.
 """
 
 import numpy as np
 
 from scripts.asset_building.piece import Floats
 
-#: Turn of the jaw of the shape jawOpen at full strength, in degrees.
+#: Rotation of the jaw in the shape jawOpen at full strength, in degrees.
 OPENING = 22.0
-#: The base mesh's vertex on the skin over the left condyle: before the ear, at the height of its canal.
+#: The base mesh's vertex on the skin over the left condyle: in front of the ear, at the height of its canal.
 _BEFORE_EAR = 12347
-#: How far apart the condyles are as a share of the width of the head there.
+#: Distance of the condyles as a share of the width of the head there.
 _CONDYLES = 0.70
 
 
@@ -22,7 +22,7 @@ def jaw_hinge(vertices: Floats) -> Floats:
     """Return the middle of the left condyle; the hinge is the line through it along x.
 
     Args:
-        vertices: The whole base mesh in the wanted identity, symmetric, in centimetres, shape (N, 3).
+        vertices: The whole base mesh in the identity of the head, symmetric, in centimetres, shape (N, 3).
 
     Returns:
         x, y and z in centimetres, shape (3,).
@@ -32,12 +32,12 @@ def jaw_hinge(vertices: Floats) -> Floats:
 
 
 def jaw_rotation(points: Floats, opening_angle: float | Floats, hinge: Floats) -> Floats:
-    """Return ``points`` as a jaw that turns open about its hinge carries them.
+    """Return ``points`` rotated with a jaw that opens about its hinge.
 
     Args:
         points: Positions in centimetres, shape (n, 3).
-        opening_angle: In degrees, one for all points or one each, shape (n,); positive opens.
-        hinge: What `jaw_hinge` returns, shape (3,).
+        opening_angle: Angle in degrees, for all points or for each, shape (n,); positive opens.
+        hinge: Point of `jaw_hinge`, shape (3,).
     """
     angle = np.deg2rad(opening_angle)
     cosine, sine = np.cos(angle), np.sin(angle)

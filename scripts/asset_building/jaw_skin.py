@@ -1,9 +1,9 @@
-"""How the skin follows the lower jaw when it opens.
+"""Motion of the skin with the opening lower jaw.
 
-The mandible is rigid, so the skin over it turns with it; the skull's skin stays; between them each vertex turns by a
-share of the jaw's angle. The shares are the smoothest function on the mesh (`smoothest`) with given values on chin,
-lips and skull, and are drawn weakly to how far the source's skin follows its jaw everywhere else. The corners of the
-mouth come nearer to each other, so that the lips keep about their length.
+The skin over the rigid mandible rotates with it, and the skull's skin does not move; between them, each vertex rotates
+by a share of the jaw's angle. The shares are the smoothest function on the mesh (`smoothest`) with given values on
+chin, lips and skull, pulled weakly to the shares of the source's skin elsewhere. The corners of the mouth approach each
+other, so that the lips keep about their length.
 """
 
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from scripts.asset_building.mouth_rings import MouthRings, mouth_rings
 from scripts.asset_building.piece import Floats
 from scripts.asset_building.smoothest import smoothest
 
-#: Share of the jaw's turn at the corners of the mouth, in the middle of the upper lip and of the lower lip.
+#: Share of the jaw's rotation at the corners of the mouth, in the middle of the upper lip and of the lower lip.
 _CORNER, _UPPER, _LOWER = 0.145, 0.02, 0.97
-#: Rings around the lips' contact that make up the lips, whose sections stay rigid.
+#: Number of rings around the lips' contact that form the lips, with rigid sections.
 _LIP_RINGS = 4
-#: How much narrower the mouth is at full opening, and how far around it, in centimetres, with factors on the distance.
+#: Narrowing of the mouth at full opening, and its range in centimetres, with factors on the distance.
 _NARROWER, _REACH, _MOUTH_FORM = 0.2, 2.6, (0.55, 1.0, 0.45)
-#: Weight of the source's own shares beside smoothness, where none is given.
+#: Weight of the source's shares relative to smoothness, for free vertices.
 _SOURCE = 4e-4
 
 
 @dataclass(frozen=True)
 class JawSkin:
-    """What the skin's control vertices have of the jaw's movement.
+    """Shares of the jaw's motion of the skin's control vertices.
 
     Attributes:
-        share: Of the jaw's turn, shape (C,).
-        narrowing: Share of x that is lost at full opening, shape (C,).
+        share: Share of the jaw's rotation, shape (C,).
+        narrowing: Relative reduction of x at full opening, shape (C,).
     """
 
     share: Floats
@@ -47,7 +47,7 @@ class JawSkin:
 
 
 def jaw_skin(skin: Skin, rest: Floats, source: Floats) -> JawSkin:
-    """Return how the ``skin`` follows the jaw.
+    """Return the shares of the jaw's motion on the ``skin``.
 
     Args:
         skin: Its topology.
@@ -67,7 +67,7 @@ def jaw_skin(skin: Skin, rest: Floats, source: Floats) -> JawSkin:
 
 
 def _given(skin: Skin, control: Floats) -> Floats:
-    """Return the shares that are given, NaN elsewhere, shape (C,), by places on the base mesh ``control``, (C, 3)."""
+    """Return the given shares, NaN elsewhere, shape (C,), by positions on the base mesh ``control``, (C, 3)."""
     rings = mouth_rings(skin, control, _LIP_RINGS)
     x, y, z = np.abs(control[:, 0]), control[:, 1], control[:, 2]
     inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
@@ -75,7 +75,7 @@ def _given(skin: Skin, control: Floats) -> Floats:
     # The skull above the cheekbones and behind the ears, the neck, the nose.
     given[(y > 71.3) | (z < 4.5) | (~inside & (y < 60.8))] = 0.0
     given[~inside & (y > 68.1) & (x < 1.9) & (z > 13.5)] = 0.0
-    # Palate and throat, and what lies on the mandible behind the lower lip.
+    # Palate and throat, and the skin on the mandible behind the lower lip.
     given[inside & ((y > 67.2) | (z < 6.5))] = 0.0
     given[inside & (y < 65.4) & (z > 11.0) & (x < 2.4)] = 1.0
     # The chin, along the mandible as far as the corners of the mouth and beyond.

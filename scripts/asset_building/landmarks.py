@@ -1,7 +1,7 @@
-"""Names places on the face: regions, and the feature points of MPEG-4 (ISO/IEC 14496-2).
+"""Regions of the face, and the feature points of MPEG-4 (ISO/IEC 14496-2).
 
-Places are given on the base mesh in centimetres, where every person has the same vertices; what is named on the
-character's left is mirrored to the right.
+Positions are given on the base mesh in centimetres, whose vertices are the same for every person; positions on the
+character's left are mirrored to the right.
 """
 
 import numpy as np
@@ -64,7 +64,7 @@ _LIDS = {
 
 
 def mirrored_ids(place: Floats) -> Ints:
-    """Return for each vertex of the skin, on the base mesh, the one opposite in x, shape (N,)."""
+    """Return the vertex opposite each vertex of the skin in x on the base mesh, shape (N,)."""
     distance, mirror = cKDTree(place).query(place * [-1.0, 1.0, 1.0])
     if distance.max() > 1e-6:
         raise ValueError("the base mesh is not symmetric")
@@ -80,7 +80,7 @@ def feature_points(
         skin: Topology of the skin, which is the first part.
         place: The skin's vertices on the base mesh in centimetres, shape (N, 3).
         parts: The parts of the character.
-        kept: Which of the skin's vertices the character has, on both sides, if not all: it numbers them in this order.
+        kept: Vertices of the skin that the character has, on both sides and in its order, if not all.
     """
     mirror = mirrored_ids(place)
     kept = np.arange(len(place), dtype=np.int32) if kept is None else kept
@@ -105,7 +105,7 @@ def feature_points(
         ids = np.intersect1d(skin.rings_left[ring], kept)
         from_middle = place[ids, :2] - 0.5 * (place[ids, :2].min(axis=0) + place[ids, :2].max(axis=0))
         along, aside = from_middle @ [x, y], from_middle @ [y, -x]
-        # The middle of a lid lies above the pupil, not where the lid is highest.
+        # The middle of a lid is above the pupil, not at its highest point.
         score = along if x else np.where(along > 0, -np.abs(aside), -np.inf)
         add_pair(pair, title, int(ids[score.argmax()]))
     by_name = {part.name: part for part in parts}
@@ -125,7 +125,7 @@ def regions(skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Pa
     """
     mirror = mirrored_ids(place)
     x, y, z = np.abs(place[:, 0]), place[:, 1], place[:, 2]
-    # Rounding must not put one of two opposite vertices into a region and the other outside.
+    # Rounding must not put only one of two opposite vertices into a region.
     x, y, z = (np.round(0.5 * (values + values[mirror]), 6) for values in (x, y, z))
     masks = {name: np.round(0.5 * (values + values[mirror]), 6) for name, values in masks.items()}
     even = np.stack([x, y, z], axis=1).astype(np.float32)
@@ -178,7 +178,7 @@ _LIP_LINE = 66.0
 
 
 def _inside_ids(skin: Skin, place: Floats) -> Ints:
-    """Return the vertices of the sockets' and the mouth's insides, which no one sees in the neutral face."""
+    """Return the vertices of the sockets' and the mouth's insides, which are hidden in the neutral face."""
     rings = [ring for k, ring in enumerate(skin.rings_left) if k < LASH_RING - 2]
     inside = _spread(skin, np.concatenate(rings + [skin.mirror[ring] for ring in rings]))
     quads = np.unique(skin.fine.quads[np.repeat(skin.in_mouth, 4)])
@@ -187,7 +187,7 @@ def _inside_ids(skin: Skin, place: Floats) -> Ints:
 
 
 def _around_eyes(skin: Skin, place: Floats) -> NDArray[np.bool_]:
-    """Return which vertices lie over either eye's opening or close around it, up to the fold below the brow."""
+    """Return the mask of vertices over or around the opening of either eye, up to the fold below the brow."""
     lashes = place[skin.rings_left[LASH_RING]]
     low, high = lashes.min(axis=0), lashes.max(axis=0)
     middle, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
@@ -198,7 +198,7 @@ def _around_eyes(skin: Skin, place: Floats) -> NDArray[np.bool_]:
 
 
 def _ring_mask(skin: Skin, n_vertices: int, first: int, last: int) -> NDArray[np.bool_]:
-    """Return which fine vertices lie on the rings ``first`` to ``last`` around either eye, or between them."""
+    """Return the mask of fine vertices on or between the rings ``first`` to ``last`` around either eye."""
     rings = [skin.rings_left[k] for k in range(first, last + 1)]
     mask = np.zeros(n_vertices, dtype=bool)
     mask[_spread(skin, np.concatenate(rings + [skin.mirror[ring] for ring in rings]))] = True
@@ -206,7 +206,7 @@ def _ring_mask(skin: Skin, n_vertices: int, first: int, last: int) -> NDArray[np
 
 
 def _spread(skin: Skin, control: Ints) -> Ints:
-    """Return the fine vertices that subdivision makes of the control vertices ``control`` alone."""
+    """Return the fine vertices that subdivision derives from the control vertices ``control`` only."""
     share = np.zeros(len(skin.base_ids))
     share[control] = 1.0
     control_mask = skin.fine.split @ share

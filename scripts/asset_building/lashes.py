@@ -1,4 +1,4 @@
-"""Eyelashes: curved strips along the edges of the lids, which turn with the lid in every shape."""
+"""Eyelashes: curved strips along the edges of the lids that rotate with the lid in every shape."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -8,11 +8,11 @@ from scripts.asset_building.lids import upper_and_lower
 from scripts.asset_building.piece import Floats, Ints, Piece, grid_quads
 
 _ROWS = 4
-#: Vertices of the lid's edge next to each corner of the eye that carry no lashes.
+#: Number of vertices of the lid's edge without lashes next to each corner of the eye.
 _BARE = 2
-#: Vertices whose movement tells how the lid turns at one root, and over how many roots turns are evened out.
+#: Number of vertices that determine the rotation of the lid at one root, and of roots over which it is averaged.
 _NEIGHBOURS, _EVENED = 20, 2.5
-#: Share of a turn about z, by which lashes at the outer corner would lean over the eye, that is left out.
+#: Share of the rotation about z that is removed, since lashes at the outer corner would lean over the eye.
 _UPRIGHT = 0.8
 
 
@@ -26,7 +26,7 @@ def build_lashes(
         skin: The skin's vertices in centimetres, shape (N, 3).
         skin_shapes: Its offsets per shape, shape (S, N, 3).
         ring: The closed loop of skin vertices that the lashes grow from, in order, shape (n,).
-        lid: Skin vertices around that loop whose movement tells how the lid turns, shape (m,).
+        lid: Skin vertices around that loop that determine the rotation of the lid, shape (m,).
         centre: Centre of the eyeball, shape (3,).
         length: Factor on the lashes' length.
     """
@@ -42,7 +42,7 @@ def build_lashes(
         t = np.linspace(0.0, 1.0, len(root))
         v = (0.52 if is_upper else 0.02) + 0.46 * np.linspace(0.0, 1.0, _ROWS)
         strip_quads = grid_quads(_ROWS, len(root), first=sum(map(len, vertices)))
-        # The upper lashes are seen from above, the lower ones from below or in front; both from their outside.
+        # The upper lashes are visible from above, the lower ones from below or in front; both from their outside.
         quads.append(strip_quads if (sign > 0) == is_upper else strip_quads[:, ::-1])
         vertices.append(strip.reshape(-1, 3))
         uv.append(np.stack(np.broadcast_arrays(t[None, :], v[:, None]), axis=-1).reshape(-1, 2))
@@ -82,9 +82,9 @@ def _strip(root: Floats, centre: Floats, sign: float, is_upper: bool, length: fl
 
 
 def _turns(skin: Floats, skin_shapes: Floats, root: Ints, other: Ints, lid: Ints) -> Floats:
-    """Return how the lid around each root turns in each shape, as rotation matrices, shape (S, n, 3, 3).
+    """Return the rotation of the lid around each root in each shape, as matrices, shape (S, n, 3, 3).
 
-    The rotation that takes the neighbourhood in the neutral face closest to its place in the shape: W. Kabsch,
+    It is the best-fit rotation of the neighbourhood from the neutral face to the shape: W. Kabsch,
     "A solution for the best rotation to relate two sets of vectors" (1976).
     """
     nearest = np.linalg.norm(skin[lid][:, None] - skin[np.concatenate([root, other])][None], axis=2).argmin(axis=1)
@@ -98,13 +98,13 @@ def _turns(skin: Floats, skin_shapes: Floats, root: Ints, other: Ints, lid: Ints
     turns = _proper(u, vt)
     still = ~skin_shapes[:, near].any(axis=(2, 3))
     turns[still] = np.eye(3)
-    # Evened out along the lid, so that the strip does not crumple: the sum of rotations, made a rotation again.
+    # Averaged along the lid, so that the strip does not crumple: the rotation nearest to the sum of rotations.
     u, _, vt = np.linalg.svd(gaussian_filter1d(turns, _EVENED, axis=1, mode="nearest"))
     return _proper(u, vt)
 
 
 def _without_leaning(turns: Floats) -> Floats:
-    """Return the rotations ``turns`` (S, n, 3, 3) with less of their turn about z, from the slope of raised lids."""
+    """Return the rotations ``turns`` (S, n, 3, 3) with a reduced part about z, the slope of raised lids."""
     vectors = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec().reshape(*turns.shape[:2], 3)
     vectors[..., 2] *= 1.0 - _UPRIGHT
     upright: Floats = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(turns.shape)

@@ -1,4 +1,4 @@
-"""Keeps lids and eyeballs apart: the sockets' insides are tucked into the balls, the skin in front stays outside."""
+"""Separate lids and eyeballs: hide the insides of the sockets in the balls, and keep the skin in front outside."""
 
 import numpy as np
 from scipy import sparse
@@ -11,19 +11,19 @@ from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import LASH_RING, Skin
 from scripts.asset_building.piece import Floats, Ints
 
-#: Rings around the eye that line the socket and are hidden by the ball, and how deep inside it they are kept.
+#: Rings around the eye that line the socket, hidden by the ball, and their depth inside it.
 _SOCKET_RINGS, _SOCKET_DEPTH = LASH_RING - 4, 0.96
-#: Clearance in centimetres that lids keep from the ball, where they have it in the neutral face, and how far around
-#: the ball skin is looked after, unless told.
+#: Clearance in centimetres of lids from the ball, if they have it in the neutral face, and default distance around the
+#: ball in which skin is corrected.
 _CLEARANCE, _REACH = 0.07, 0.9
-#: How far closed lids overlap, in centimetres.
+#: Overlap of closed lids in centimetres.
 _LID_OVERLAP = 0.03
-#: How far the edge of the upper one lies before the lower one's and below it where they are coarse, and how far from
-#: their edges lids follow them there, in centimetres.
+#: For coarse lids: distances of the upper edge in front of and below the lower one, and distance from the edges in
+#: which lids follow them, in centimetres.
 _LID_BEFORE, _LID_BELOW, _FOLLOWS = 0.02, 0.02, 0.6
-#: How far behind the line where they meet the inner edges of closed lids lie there, in centimetres.
+#: For coarse lids: distance of the inner edges of closed lids behind the line where they meet, in centimetres.
 _BEHIND = 0.1
-#: Distances from the lids' edges between which their skin ceases to follow the gaze, in centimetres.
+#: Distances from the lids' edges over which the skin's motion with the gaze fades out, in centimetres.
 _GAZE_REACH = (0.3, 2.0)
 
 
@@ -36,7 +36,7 @@ def socket_ids(skin: Skin, side: str) -> Ints:
 
 
 def tuck_socket(vertices: Floats, ids: Ints, centre: Floats, radius: float) -> Floats:
-    """Return ``vertices`` (N, 3) with those of the socket moved inside the eyeball."""
+    """Return ``vertices`` (N, 3) with the socket moved inside the eyeball."""
     result = vertices.copy()
     away = vertices[ids] - centre
     distance = np.linalg.norm(away, axis=1, keepdims=True)
@@ -58,7 +58,7 @@ def close_exactly(vertices: Floats, blink: Floats, ring: Ints, side: str) -> Flo
 
     Args:
         vertices: The neutral skin, shape (N, 3).
-        blink: Offsets that close the eye, here and there too far.
+        blink: Offsets that close the eye, in places too far.
         ring: The closed loop along the lids' edges.
         side: "Left" or "Right".
     """
@@ -76,15 +76,16 @@ def close_exactly(vertices: Floats, blink: Floats, ring: Ints, side: str) -> Flo
 
 
 def meet_exactly(vertices: Floats, blink: Floats, ring: Ints, centre: Floats, faces: Ints) -> Floats:
-    """Return the shape ``blink`` (N, 3), changed so that at full strength both lids' edges are one line of few edges.
+    """Return the shape ``blink`` (N, 3), changed so that the edges of both lids coincide at full strength.
 
-    The line lies halfway between the edges and has its corners at the upper one's vertices, in front of the lower one.
+    The line is halfway between the edges, with its corners at the vertices of the upper edge, in front of the lower
+    one.
 
     Args:
         vertices: The neutral skin, shape (N, 3).
         blink: Offsets that nearly close the eye.
         ring: The closed loop along the lids' edges.
-        centre: Of the eyeball, shape (3,).
+        centre: Centre of the eyeball, shape (3,).
         faces: Corners of the skin's triangles, shape (F, 3).
     """
     side = "Left" if centre[0] > 0.0 else "Right"
@@ -108,14 +109,14 @@ def meet_exactly(vertices: Floats, blink: Floats, ring: Ints, centre: Floats, fa
 
 
 def tuck_inner_edge(vertices: Floats, blink: Floats, ring: Ints, inner: Ints, centre: Floats) -> Floats:
-    """Return the shape ``blink`` (N, 3) of `meet_exactly` with the lids' inner edges behind the line where lids meet.
+    """Return the shape ``blink`` (N, 3) of `meet_exactly` with the inner edges behind the line where lids meet.
 
     Args:
         vertices: The neutral skin, shape (N, 3).
         blink: Offsets that close the eye.
         ring: The closed loop along the lids' outer edges.
         inner: Vertices of the lids' inner edges.
-        centre: Of the eyeball, shape (3,).
+        centre: Centre of the eyeball, shape (3,).
     """
     posed = vertices + blink
     upper, _ = upper_and_lower(vertices, ring, "Left" if centre[0] > 0.0 else "Right")
@@ -127,25 +128,25 @@ def tuck_inner_edge(vertices: Floats, blink: Floats, ring: Ints, inner: Ints, ce
 
 
 def _at(line: Floats, x: Floats) -> Floats:
-    """Return the places with the given ``x`` (n,) on a ``line`` (m, 3) whose x rises, shape (n, 3)."""
+    """Return the points with the given ``x`` (n,) on a ``line`` (m, 3) with ascending x, shape (n, 3)."""
     return np.column_stack([np.interp(x, line[:, 0], line[:, k]) for k in range(3)])
 
 
 def following_gaze(
     vertices: Floats, ring: Ints, centre: Floats, degrees: float, shares: tuple[float, float], fullness: float
 ) -> Floats:
-    """Return how lids follow an eye that turns about the line through its centre along x, shape (N, 3).
+    """Return the offsets of lids that follow an eye rotating about its horizontal axis, shape (N, 3).
 
     The skin turns with the eye by a share of its angle, most at the lids' edges and least at the corners, so that it
-    stays on the ball (levator palpebrae and the retractors of the lower lid move with the recti).
+    remains on the ball (levator palpebrae and the retractors of the lower lid move with the recti).
 
     Args:
         vertices: The neutral skin, shape (N, 3).
         ring: The closed loop along the lids' edges.
-        centre: Of the eyeball, shape (3,).
-        degrees: How far the eye turns; positive looks down.
-        shares: Of this angle at the middle of the upper and of the lower lid's edge.
-        fullness: Power with which they fall off to nothing at the corners: 2 is round, more is fuller.
+        centre: Centre of the eyeball, shape (3,).
+        degrees: Rotation of the eye; positive looks down.
+        shares: Shares of this angle at the middle of the upper and of the lower lid's edge.
+        fullness: Exponent of their falloff to zero at the corners: 2 is round, larger values are fuller.
     """
     side = "Left" if centre[0] > 0.0 else "Right"
     upper, lower = (half[np.argsort(vertices[half, 0])] for half in upper_and_lower(vertices, ring, side))
@@ -176,17 +177,17 @@ def keep_clear(
 ) -> Floats:
     """Return ``shapes`` (S, N, 3) with skin that would enter the eyeball pushed out of it.
 
-    The eyeball looks ahead. Every shape is mended at full strength, and on the way there as well: the straight path of
-    a lid cuts into the ball, deepest at half strength if the lid was clear of the ball before.
+    The eyeball looks ahead. Every shape is corrected at full strength and at intermediate strengths, since the straight
+    path of a lid cuts into the ball, deepest at half strength.
 
     Args:
         vertices: The neutral skin, shape (N, 3).
         shapes: Its offsets per shape.
-        ids: The socket's vertices, which are hidden and left alone, shape (n,).
+        ids: The hidden vertices of the socket, which are not changed, shape (n,).
         centre: Centre of the ball, shape (3,).
         radius: Its radius.
-        strengths: Those at which shapes are mended.
-        reach: How far around the ball skin is looked after, in centimetres.
+        strengths: Strengths at which shapes are corrected.
+        reach: Distance around the ball in which skin is corrected, in centimetres.
     """
     rest_distance, surface = _distances(vertices - centre, radius)
     near = (rest_distance > radius) & (rest_distance < surface + reach) & (vertices[:, 2] > centre[2] - 0.2)
@@ -203,7 +204,7 @@ def keep_clear(
 
 
 def _distances(away: Floats, radius: float) -> tuple[Floats, Floats]:
-    """Return the lengths of ``away`` (..., 3) from the centre of a ball that looks ahead, and its surface's there."""
+    """Return the distances of ``away`` (..., 3) from the centre of a ball looking ahead, and of its surface there."""
     distance = np.linalg.norm(away, axis=-1)
     angle = np.degrees(np.arccos(np.clip(away[..., 2] / np.maximum(distance, 1e-9), -1.0, 1.0)))
     return distance, radius * surface_radius(angle)

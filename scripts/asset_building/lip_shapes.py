@@ -1,4 +1,4 @@
-"""Sculpts what the muscles of the lips do: where their edge goes and how their section turns; the skin around follows.
+"""Sculpt the shapes of the lips from motions of their edge and rotations of their section, with smooth skin around.
 
 Orbicularis oris draws the corners of the mouth together and pushes the lips forward (mouthPucker), turns them outwards
 (mouthFunnel) or inwards over the teeth (mouthRollUpper, mouthRollLower). Risorius and platysma draw the corners aside
@@ -17,24 +17,24 @@ from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.smile_shapes import Places, hold, one_sided, still, symmetric
 from scripts.asset_building.smoothest import smoothest
 
-#: Rings around the lips' contact that make up the lips.
+#: Number of rings around the lips' contact that form the lips.
 _LIP_RINGS = 5
-#: How strongly the skin between what is given is held to rest.
+#: Weight that holds free skin at rest.
 _NEARNESS = 2e-3
 
 
 @dataclass(frozen=True)
 class LipMove:
-    """Where the lips go, both sides alike.
+    """Symmetric motion of the lips.
 
     Attributes:
         corner, upper, lower: Offsets of the left corner and of the middle of either lip's edge.
-        turned: By how many degrees the section of the upper and of the lower lip turns outwards in the middle.
+        turned: Outward rotation of the section of the upper and of the lower lip in the middle, in degrees.
         size: Factor on their sections in the middle.
-        roundness: Exponent of the way from the middle to the corner: .5 for an ellipse, 1 for a parabola.
-        beside: By which share lips go further beside the middle, most at .7 of the way to the corner.
-        places: Places on the skin around, each with its offset and the radius in which it is held to that.
-        drawn: How far one side alone draws the whole mouth along.
+        roundness: Exponent of the profile from the middle to the corner: .5 for an ellipse, 1 for a parabola.
+        beside: Relative increase of the motion next to the middle, with its maximum at .7 of the way to the corner.
+        places: Positions on the skin around, each with its offset and the radius of its constraint.
+        drawn: Offset of the whole mouth with one side alone.
     """
 
     corner: tuple[float, float, float]
@@ -98,7 +98,7 @@ _LOWER_DOWN = LipMove(
     roundness=0.5,
     places=(((1.4, 64.6, 14.8), (0.02, -0.30, 0.02), 0.3),),
 )
-#: Levator labii superioris alaeque nasi lifts the border of the red; the lips stay shut.
+#: Levator labii superioris alaeque nasi lifts the vermilion border; the lips remain shut.
 _SNEER = LipMove(
     corner=(0.0, 0.0, 0.05),
     upper=(0.0, 0.035, 0.05),
@@ -187,7 +187,7 @@ def _moved_lips(rings: MouthRings, control: Floats, move: LipMove) -> tuple[Ints
 
 
 def _tangents(rings: MouthRings, control: Floats) -> Floats:
-    """Return the level directions of the lips' edge towards the left, one per vertex of the loop, shape (L, 3)."""
+    """Return the horizontal tangents of the lips' edge towards the left, one per vertex of the loop, shape (L, 3)."""
     place = control[rings.rings[0]]
     result = np.zeros_like(place)
     for half in (rings.lower, ~rings.lower):

@@ -1,11 +1,11 @@
-"""Colours and hair of the people, and the creature's hide."""
+"""Colours and hair of the human characters, and the creature's hide."""
 
 from scripts.asset_building.creature_texture import HideLook
 from scripts.asset_building.eye_texture import IrisLook
 from scripts.asset_building.skin_texture import SkinLook
 from scripts.asset_building.textures import Look
 
-#: Also where the regions of the brows are taken from.
+#: Also the source of the regions of the brows.
 MAN_SKIN = SkinLook(
     base=(203, 158, 134),
     flush=(190, 112, 96),

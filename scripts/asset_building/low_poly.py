@@ -1,4 +1,4 @@
-"""Builds the head of low resolution: triangles, few where little shows or moves, with ARKit's shapes."""
+"""Build the low-poly head: triangles, fewer where little is visible or moves, with ARKit's shapes."""
 
 from dataclasses import replace
 
@@ -51,9 +51,9 @@ LOW = Recipe(
     lash_length=0.0,
     hair_height=0.25,
 )
-#: Vertices of the skin's left half, with those in the middle.
+#: Number of vertices of the skin's left half, including the middle.
 _HALF_SKIN = 590
-#: The poses that the simplification looks at beside the neutral one.
+#: Poses of the simplification, in addition to the neutral one.
 _POSES = (
     ("jawOpen",),
     ("mouthSmileLeft", "cheekSquintLeft"),
@@ -63,22 +63,22 @@ _POSES = (
     ("browInnerUp", "browOuterUpLeft"),
     ("tongueOut", "jawOpen"),
 )
-#: Vertices that are kept along the edge of each lid and, from corner to middle, of each lip.
+#: Number of vertices to keep along the edge of each lid and, from corner to middle, of each lip.
 _ON_LID, _ON_LIP = 11, 7
-#: A ring on the lids that stays a line beside their edges, so that between them they fold evenly.
+#: A ring on the lids that is preserved next to their edges, so that they fold evenly in between.
 _FOLD_RING = LASH_RING + 2
-#: And one on their inner edges, so that the moist rim before the ball is a strip of even width.
+#: A ring on their inner edges, so that the moist rim in front of the ball is a strip of even width.
 _INNER_RING = LASH_RING - 2
-#: How far into the mouth, in centimetres, the lips' insides are still seen.
+#: Depth in the mouth, in centimetres, to which the insides of the lips are visible.
 _LIP_DEPTH = 0.6
-#: How far closed lips overlap where their coarse edges meet, in centimetres, and in how many rounds they are moved.
+#: Overlap of the coarse edges of closed lids, in centimetres, and number of iterations to reach it.
 _LIP_OVERLAP, _ROUNDS = 0.04, 4
-#: Factor on the eyeball's size: its facets and the lids' must not meet.
+#: Factor on the eyeball's size, so that its facets do not intersect those of the lids.
 _EYE_SCALE = 0.975
 
 
 def build_low(builder: Builder) -> Character:
-    """Build the head of low resolution."""
+    """Build the low-poly head."""
     skin, place = builder.skin, builder.place
     everyone = even(identity_vertices(builder.source, builder.rest, LOW), builder.mirror)
     pieces = builder.pieces(everyone, builder.units, LOW)
@@ -123,7 +123,7 @@ def _eye(eye: Eyeball) -> Piece:
 
 
 def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, Ints], points: list[int]) -> Reduced:
-    """Return a mesh of triangles on a choice of the fine skin's vertices, the same on both sides."""
+    """Return a symmetric triangle mesh on a subset of the fine skin's vertices."""
     mirror = mirrored_ids(place)
     lash = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
     lips = skin.fine_loop(skin.lip_contact)
@@ -164,13 +164,13 @@ def _half_simplified(
     """Return ``piece`` with its left half simplified to ``n_vertices`` and mirrored to the right.
 
     Args:
-        piece: A symmetric mesh of quads with ARKit's shapes, none of which lies on both sides.
-        place: Its vertices where they are exactly symmetric, shape (N, 3).
+        piece: A symmetric mesh of quads with ARKit's shapes, none of which crosses the middle.
+        place: Exactly symmetric positions of its vertices, shape (N, 3).
         mirror: The vertex opposite each, shape (N,).
-        lines: Edges that stay lines, shape (L, 2), besides the borders and the seams of the texture.
-        keep: Vertices that stay.
-        weights: How much an error at each vertex counts, shape (N,).
-        n_vertices: How many are wanted.
+        lines: Edges to preserve, shape (L, 2), in addition to the borders and the seams of the texture.
+        keep: Vertices to keep.
+        weights: Weight of an error at each vertex, shape (N,).
+        n_vertices: Number of vertices of the result.
     """
     quads = piece.quads
     chart = _charts(quads, piece.quad_uvs, len(piece.uv))
@@ -205,7 +205,7 @@ def _half_simplified(
 
 
 def _spaced(line: Ints, place: Floats, count: int) -> Ints:
-    """Return ``count`` vertices of ``line``, the ends among them, spread in x and denser towards the ends."""
+    """Return ``count`` vertices of ``line``, including its ends, spread in x and denser towards the ends."""
     x = place[line, 0]
     wanted = x[0] + (x[-1] - x[0]) * (0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, count)))
     return line[np.abs(x[None, :] - wanted[:, None]).argmin(axis=1)]
@@ -217,7 +217,7 @@ def _closed(loop: Ints) -> Ints:
 
 
 def _charts(quads: Ints, quad_uvs: Ints, n_uv: int) -> Ints:
-    """Return a number for the chart of the texture that each quad lies in, shape (F,)."""
+    """Return the index of the texture chart of each quad, shape (F,)."""
     a, b = quad_uvs.ravel(), np.roll(quad_uvs, -1, axis=1).ravel()
     _, label = connected_components(sparse.coo_array((np.ones(len(a)), (a, b)), shape=(n_uv, n_uv)), directed=False)
     chart: Ints = label[quad_uvs[:, 0]]
@@ -225,7 +225,7 @@ def _charts(quads: Ints, quad_uvs: Ints, n_uv: int) -> Ints:
 
 
 def _borders(quads: Ints, chart: Ints) -> Ints:
-    """Return the edges that have no quad of the same chart on their other side, shape (B, 2)."""
+    """Return the edges with no quad of the same chart on the other side, shape (B, 2)."""
     sides = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2)
     label = np.repeat(chart, 4)
     have = {(a, b): c for (a, b), c in zip(sides.tolist(), label.tolist(), strict=True)}
@@ -240,7 +240,7 @@ def _opposite_quads(quads: Ints, mirror: Ints) -> Ints:
 
 
 def _sealed(vertices: Floats, contact: Ints) -> Floats:
-    """Return the simplified skin's vertices with the lips brought together along ``contact``, their edges' loop."""
+    """Return the simplified skin's vertices with the lips closed along ``contact``, the loop of their edges."""
     result = vertices.copy()
     upper, lower = (half[1:-1] for half in upper_and_lower(vertices, contact, "Left"))
     for _ in range(_ROUNDS):
@@ -252,7 +252,7 @@ def _sealed(vertices: Floats, contact: Ints) -> Floats:
 
 
 def _closing(low: Piece, skin: Skin, number: Ints, eyes: list[Eyeball]) -> Piece:
-    """Return the simplified skin with blinks that close its lids, which are coarser than those they were made for."""
+    """Return the simplified skin with blinks adapted to its coarser lids."""
     shapes = low.shapes.copy()
     ring = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
     mirror = mirrored_ids(low.vertices)

@@ -1,4 +1,4 @@
-"""The inside of the mouth: teeth, gums, palate, throat and tongue, put into a head and moved by its jaw."""
+"""Inside of the mouth: teeth, gums, palate, throat and tongue, placed in a head and moved by its jaw."""
 
 from collections.abc import Callable, Sequence
 
@@ -14,21 +14,21 @@ from scripts.asset_building.tongue import build_tongue
 
 #: Vertices of the base mesh in the middle of the inner side of the upper and the lower lip.
 _INNER_LIPS = (554, 537, 520, 557, 574)
-#: Width of the base mesh's band of upper teeth on the man, in centimetres: there the teeth have the size of a man's.
+#: Width of the base mesh's band of upper teeth on the man, in centimetres, for which teeth have their original size.
 _MAN_BAND = 6.94
-#: How far below the line where the lips meet the upper incisors end, and how far behind the lips' inner side, in
+#: Distances of the edges of the upper incisors below the line where the lips meet and behind the lips' inner side, in
 #: centimetres of a man.
 _BELOW_LIPS, _BEHIND_LIPS = 0.25, 0.16
-#: The lining of the mouth reaches far above the palate in the base mesh, up to the nostrils: from this height above the
-#: line of the lips it is lower by this factor, and its front further back, in centimetres.
+#: The lining of the mouth reaches far above the palate in the base mesh, up to the nostrils: above this
+#: height over the line of the lips it is lowered by this factor, and its front moved back, in centimetres.
 _LINING_FROM, _LINING_FACTOR, _LINING_BACK = 0.9, 0.62, 0.40
-#: The tongue turns with the jaw as if at this share of its way out, so that, when out, it goes down with the lip.
+#: Share of its way out at which the tongue turns with the jaw, so that it follows the lip when out.
 _TONGUE_AHEAD = 0.35
 _JAW_SHIFTS = ("jawForward", "jawLeft", "jawRight")
 
 
 def mouth_frame(skin: Skin, vertices: Floats, band_width: float) -> MouthFrame:
-    """Return where the mouth's inside lies behind the lips of a head.
+    """Return the frame of the inside of the mouth behind the lips of a head.
 
     Args:
         skin: Topology of the skin.
@@ -43,7 +43,7 @@ def mouth_frame(skin: Skin, vertices: Floats, band_width: float) -> MouthFrame:
 
 
 def tuck_lining(control: Floats, skin: Skin) -> Floats:
-    """Return the skin's control mesh (N, 3) with the top of the mouth's lining brought down to the palate."""
+    """Return the skin's control mesh (N, 3) with the top of the mouth's lining lowered to the palate."""
     lining = np.unique(skin.quads[skin.in_mouth])
     line = control[skin.lip_contact, 1].mean()
     result = control.copy()
@@ -54,11 +54,11 @@ def tuck_lining(control: Floats, skin: Skin) -> Floats:
 
 
 class JawMotion:
-    """How the expression shapes move what is fixed to the lower jaw.
+    """Motion of parts fixed to the lower jaw in the expression shapes.
 
     Attributes:
-        hinge: What `jaw_hinge` returns, shape (3,).
-        shifts: Where jawForward, jawLeft and jawRight shift the jaw, in centimetres, shape (3,) each.
+        hinge: Point of `jaw_hinge`, shape (3,).
+        shifts: Translations of the jaw in jawForward, jawLeft and jawRight, in centimetres, shape (3,) each.
         shape_names: Names of all shapes, S of them.
     """
 
@@ -68,7 +68,7 @@ class JawMotion:
         self.shifts = {name: band_shapes[self.shape_names.index(name)].mean(axis=0) for name in _JAW_SHIFTS}
 
     def still(self, points: Floats) -> Floats:
-        """Return the offsets of ``points`` (n, 3) that no shape moves, shape (S, n, 3)."""
+        """Return zero offsets for ``points`` (n, 3), shape (S, n, 3)."""
         return np.zeros((len(self.shape_names), *points.shape))
 
     def offsets(self, points: Floats, share: Floats | float = 1.0) -> Floats:
@@ -76,7 +76,7 @@ class JawMotion:
 
         Args:
             points: Positions in centimetres, shape (n, 3).
-            share: Of the jaw's motion that they take part in, for all or one each, shape (n,).
+            share: Share of the jaw's motion, for all points or for each, shape (n,).
         """
         result = self.still(points)
         each = np.broadcast_to(np.asarray(share, dtype=float), len(points))[:, None]
@@ -107,6 +107,6 @@ def tongue_piece(frame: MouthFrame, jaw: JawMotion, rings: int = 24, around: int
 
 
 def mouth_piece(name: str, material: str, mesh: tuple[Floats, Ints, Floats], move: Callable[[Floats], Floats]) -> Piece:
-    """Return the piece of ``mesh``: vertices, quads and texture coordinates, moved as ``move`` says."""
+    """Return the piece of ``mesh``: vertices, quads and texture coordinates, with the shapes given by ``move``."""
     vertices, quads, uv = mesh
     return Piece(name, material, vertices, quads, uv, quads.copy(), move(vertices))

@@ -1,4 +1,4 @@
-"""The rings of the skin's control mesh around the loop along which the lips touch."""
+"""Rings of the skin's control mesh around the loop along which the lips touch."""
 
 from dataclasses import dataclass
 
@@ -16,10 +16,10 @@ class MouthRings:
 
     Attributes:
         rings: Control vertices of each ring, on the face and inside the mouth.
-        parents: For each ring after the first, which vertices of the ring before it each vertex is joined to, shape
-            (n, n of the ring before), rows of zeros and ones.
-        along: Place along the lips of each vertex of the loop: 0 in the middle, 1 at the corners, shape (L,).
-        lower: Whether it belongs to the lower lip alone, shape (L,).
+        parents: For each ring after the first, adjacency of its vertices to those of the previous ring, shape
+            (n, n of the previous ring), with zeros and ones.
+        along: Position along the lips of each vertex of the loop: 0 in the middle, 1 at the corners, shape (L,).
+        lower: True for vertices that belong only to the lower lip, shape (L,).
     """
 
     rings: tuple[Ints, ...]
@@ -28,7 +28,7 @@ class MouthRings:
     lower: NDArray[np.bool_]
 
     def spread(self, values: Floats, count: int) -> tuple[Ints, Floats]:
-        """Return vertices of the first ``count`` rings with ``values`` of the loop, (L,) or (L, k), taken outwards."""
+        """Return vertices of the first ``count`` rings with ``values`` of the loop, (L,) or (L, k), spread outwards."""
         ids, result = [self.rings[0]], [values]
         for ring, parents in zip(self.rings[1:count], self.parents[: count - 1], strict=True):
             ids.append(ring)

@@ -1,4 +1,4 @@
-"""Re-sculpts mouthFrown, jawForward and mouthClose; places are those of the base mesh, in centimetres."""
+"""Re-sculpt mouthFrown, jawForward and mouthClose; positions are those of the base mesh, in centimetres."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -8,19 +8,19 @@ from scripts.asset_building.head import Skin
 from scripts.asset_building.piece import Floats
 from scripts.asset_building.smoothest import smoothest
 
-#: How much further depressor anguli oris draws the corner of the mouth down than in the source, and the heights between
-#: which the factor falls to 1, so that nose and cheekbone keep what they have.
+#: Factor on the source's downward motion of the corner of the mouth (depressor anguli oris), and the heights between
+#: which it falls to 1, so that nose and cheekbone are not affected.
 _FURTHER, _MOUTH, _NOSE = 1.85, 66.8, 68.8
-#: What is left of its way aside: depressor anguli oris draws the corner nearly straight down.
+#: Factor on its sideways motion: depressor anguli oris draws the corner nearly straight down.
 _ASIDE = 0.5
-#: Distances from the lips' contact between which a change of the lips fades out, and all of the closing of the mouth.
+#: Distances from the lips' contact over which changes of the lips, and the closing of the mouth, fade out.
 LIP_REACH, MOUTH_REACH = (1.0, 2.8), (4.5, 7.0)
-#: What the lips do not have of the jaw's way down and forward, so that they stay shut and behind the chin.
+#: Share of the jaw's motion down and forward that the lips lack, so that they stay shut and behind the chin.
 _LESS = (0.0, 0.8, 0.15)
-#: How much the offsets on the cheeks keep to the source's beside smoothness.
+#: Weight of the source's offsets on the cheeks relative to smoothness.
 _EVENNESS = 0.006
-# Centimetres from the middle of the face at which a blown-up cheek begins to turn aside and does so fully; what share
-# of its way forwards goes aside too, and what share of it is lost.
+# Distances in centimetres from the middle of the face over which a puffed cheek turns sideways; share of its forward
+# motion that is added sideways, and share that is lost.
 _PUFF_FROM, _PUFF_TO = 1.8, 3.6
 _PUFF_ASIDE, _PUFF_LESS = 0.45, 0.15
 
@@ -45,19 +45,19 @@ def closed_again(closing: Floats, source_opening: Floats, opening: Floats, lips:
     """Return the offsets of mouthClose, which with jawOpen brings the lips together, shape (C, 3).
 
     Args:
-        closing: The source's mouthClose, made for its jawOpen.
+        closing: The source's mouthClose, which matches its jawOpen.
         source_opening: The source's jawOpen.
-        opening: What jawOpen is in its place.
-        lips: From `around_lips`, on the lips.
-        near: The same, on all that their closing moves.
+        opening: The jawOpen that replaces it.
+        lips: Weights from `around_lips` for the lips.
+        near: The same for everything that their closing moves.
     """
     return closing * near[:, None] + lips[:, None] * (source_opening - opening)
 
 
 def even_cheeks(skin: Skin, control: Floats, units: Floats) -> Floats:
-    """Return ``units``, offsets of the ``control`` vertices, shape (S, C, 3), evened out over the cheeks.
+    """Return ``units``, offsets of the ``control`` vertices, shape (S, C, 3), smoothed over the cheeks.
 
-    Beside the mouth the source's shapes end along one edge loop, where the skin would stand up in a streak.
+    Next to the mouth, the source's shapes end along one edge loop, which would give a visible ridge.
     """
     x, y, z = control.T
     away = cKDTree(control[skin.lip_contact]).query(control)[0]
@@ -71,13 +71,13 @@ def even_cheeks(skin: Skin, control: Floats, units: Floats) -> Floats:
 
 
 def puffed(offsets: Floats, control: Floats) -> Floats:
-    """Return the blown-up cheek with ``offsets``, (n, 3), bulging sideways as much as forwards beside the mouth.
+    """Return the puffed cheek with ``offsets``, (n, 3), bulging sideways as much as forwards next to the mouth.
 
     Air in the mouth presses along the cheek's normal, which at its middle points halfway to the side; the source's unit
     moves it forwards alone.
 
     Args:
-        offsets: Of the source's unit.
+        offsets: Offsets of the source's unit.
         control: The face at rest, shape (n, 3).
     """
     x = control[:, 0]

@@ -1,4 +1,4 @@
-"""Paints teeth, gums, throat and tongue, with the shade that the mouth itself throws on them."""
+"""Paint teeth, gums, throat and tongue, including the shadow of the mouth."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,15 +6,15 @@ from numpy.typing import NDArray
 from scripts.asset_building.dental_arch import N_KINDS
 from scripts.asset_building.raster import Image32, Noise, smoothstep
 
-#: How much light the crowns of each kind get, from the middle backwards.
+#: Light on the crowns of each kind, from the middle backwards.
 _LIGHT = (1.0, 0.985, 0.94, 0.85, 0.68, 0.42, 0.26)
 
 
 def paint_teeth(height: int = 256) -> NDArray[np.uint8]:
     """Return the teeth's texture, shape (height, 4 height, 3).
 
-    A column for each kind of tooth in each jaw, u running around the crown from its back over the face; v from the root
-    to the middle of the biting surface, whose rim lies at about 0.74.
+    There is a column for each kind of tooth in each jaw. u runs around the crown from its back over the face; v from
+    the root to the middle of the biting surface, with its rim at about 0.74.
     """
     u, v = _grid(height, 4 * height)
     place = u * 2 * N_KINDS
@@ -36,9 +36,9 @@ def paint_teeth(height: int = 256) -> NDArray[np.uint8]:
     # Teeth are slightly warmer from the middle backwards.
     warm = np.array([0.0, 0.2, 0.5, 0.6, 0.7, 0.9, 1.0], np.float32)[kind]
     colour *= 1.0 - warm[..., None] * np.array([0.005, 0.015, 0.035], np.float32)
-    beside = np.abs(np.cos(2.0 * np.pi * turn)) ** 5
+    between = np.abs(np.cos(2.0 * np.pi * turn)) ** 5
     inside = smoothstep(0.0, 1.0, -np.sin(2.0 * np.pi * turn))
-    shade = 1.0 - 0.42 * beside * smoothstep(0.78, 0.35, v) - 0.16 * inside
+    shade = 1.0 - 0.42 * between * smoothstep(0.78, 0.35, v) - 0.16 * inside
     # The fissures of premolars and molars.
     shade *= 1.0 - 0.22 * smoothstep(0.86, 1.0, v) * (kind >= 3)
     shade *= 1.0 - 0.30 * smoothstep(0.22, 0.08, v)
@@ -101,7 +101,7 @@ def paint_throat(size: int = 256) -> NDArray[np.uint8]:
 
 
 def paint_tongue(size: int = 512) -> NDArray[np.uint8]:
-    """Return the tongue's texture, shape (size, size, 3): v from the root to the tip, u as `build_tongue` has it."""
+    """Return the tongue's texture, shape (size, size, 3): v from the root to the tip, u as in `build_tongue`."""
     u, v = _grid(size, size)
     papillae = Noise(41)(_points(u * 56, v * 44), 0.45, 2)
     dots = Noise(42)(_points(u * 40, v * 32), 0.5, 1)
@@ -109,7 +109,7 @@ def paint_tongue(size: int = 512) -> NDArray[np.uint8]:
     colour = _ramp(v, [(0.0, (150, 70, 70)), (0.5, (186, 104, 102)), (0.8, (196, 108, 106)), (1.0, (200, 100, 100))])
     across = np.abs(u - 0.5)
     above = smoothstep(0.32, 0.20, across)
-    # The back of the tongue has a pale coat, its edges and its tip are redder.
+    # The back of the tongue is pale, its edges and its tip are redder.
     coat = smoothstep(0.20, 0.04, across) * smoothstep(0.95, 0.6, v) * 0.5
     colour += coat[..., None] * np.array([8, 26, 24], np.float32)
     colour *= (1.0 + above * (0.04 * papillae + 0.05 * (dots > 0.75)) + 0.04 * patches)[..., None]
@@ -120,7 +120,7 @@ def paint_tongue(size: int = 512) -> NDArray[np.uint8]:
 
 
 def _shaded(colour: Image32, shade: Image32) -> Image32:
-    """Return sRGB ``colour`` in the share ``shade`` of the light; light that is left over is red from all around."""
+    """Return sRGB ``colour`` at the share ``shade`` of the light; the remaining ambient light is red."""
     dark = np.asarray(shade, np.float32)[..., None]
     result: Image32 = colour * dark ** np.array([0.42, 0.53, 0.55], np.float32)
     return result

@@ -1,4 +1,4 @@
-"""How much of the sky each vertex sees."""
+"""Ambient occlusion of vertices."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ _BIAS = 0.30
 
 
 def ambient_occlusion(vertices: Floats, quads: Ints, normals: Floats) -> Floats:
-    """Return the cosine-weighted share of directions in which each vertex sees no other part of the mesh, shape (N,).
+    """Return the cosine-weighted share of unoccluded directions at each vertex, shape (N,).
 
-    A depth map is made of points on the surface for each of many directions; good enough to darken folds softly.
+    Computed from depth maps of surface points in many directions, accurate enough to darken folds softly.
 
     Args:
         vertices: Positions in centimetres, shape (N, 3).

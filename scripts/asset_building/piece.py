@@ -13,7 +13,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Piece:
-    """One part with its own numbering.
+    """One part with its own vertex indices.
 
     Attributes:
         name: Name of the part.
@@ -47,7 +47,7 @@ class Joined:
 
 
 def join(pieces: list[Piece]) -> Joined:
-    """Number the vertices and polygons of ``pieces`` one piece after another."""
+    """Concatenate the vertices and polygons of ``pieces``."""
     parts, quads, quad_uvs = [], [], []
     n_vertices = n_uv = n_quads = 0
     for piece in pieces:
@@ -81,7 +81,7 @@ def grid_quads(rows: int, columns: int, *, closed: bool = False, first: int = 0)
 
 
 def facing_away(quads: Ints, points: Floats, inside: Floats) -> Ints:
-    """Return ``quads``, reversed where they face towards ``inside``, one position per quad, shape (F, 3)."""
+    """Return ``quads``, reversed if they face towards ``inside``, one position per quad, shape (F, 3)."""
     p = points[quads]
     normal = np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
     away = np.einsum("ij,ij->i", normal, p.mean(axis=1) - inside) > 0

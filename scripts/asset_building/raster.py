@@ -1,4 +1,4 @@
-"""Turns a mesh with texture coordinates into images of its attributes, and draws fine strokes into them."""
+"""Rasterise attributes of a mesh in texture space, and draw fine strokes into the images."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,10 @@ Ints = NDArray[np.int32]
 
 #: Pixels per centimetre at which a hair is one pixel wide.
 HAIR_RESOLUTION = 50.0
-#: Distance in pixels between the dots that make up a hair.
+#: Distance in pixels between the dots of a hair.
 _STEP = 0.6
 _MAX_STEPS = 600
-#: Two texels that are this near in space, in centimetres, and farther apart in the texture lie on both sides of a seam.
+#: Distance in space, in centimetres, below which texels that are farther apart in the texture are joined at a seam.
 _SEAM_REACH, _SEAM_GAP = 0.12, 12
 
 
@@ -26,7 +26,7 @@ class TexelMap:
     """Attributes of the surface at each texel.
 
     Attributes:
-        covered: Which texels show the surface, shape (H, W); row 0 is v = 1.
+        covered: Mask of the texels that show the surface, shape (H, W); row 0 is v = 1.
         values: Attributes at the covered texels, shape (K, C), in the order of ``covered``.
         along: Change of column and row per centimetre along x, y and z in the tangent plane, shape (K, 2, 3).
     """
@@ -110,10 +110,10 @@ def draw_strokes(
     allowed: NDArray[np.bool_],
     places: Image32 | None = None,
 ) -> Image32:
-    """Draw hairs that follow a flow on the surface; each starts full and ends fine.
+    """Draw hairs that follow a flow on the surface and taper off.
 
-    Opacity counts for a hair one pixel wide where the texture has `HAIR_RESOLUTION`; where pixels are larger, it is
-    less, so that hair looks equally dense everywhere.
+    Opacity is that of a hair one pixel wide at `HAIR_RESOLUTION`; it is lower for larger pixels, so that the hair has
+    the same visible density everywhere.
 
     Args:
         texels: The surface.
@@ -121,10 +121,10 @@ def draw_strokes(
         starts: Covered texels where the hairs are rooted, shape (n,).
         lengths: Their lengths in centimetres, shape (n,).
         strengths: Their opacity, shape (n,).
-        bend: How much each turns away to its side on the surface, as the tangent of the angle, shape (n,).
+        bend: Sideways turn of each on the surface, as the tangent of the angle, shape (n,).
         allowed: Covered texels that hairs may enter, shape (K,).
-        places: Positions of the covered texels in centimetres, shape (K, 3), by which hairs that reach a seam of the
-            texture go on beyond it; else they end there.
+        places: Positions of the covered texels in centimetres, shape (K, 3), with which hairs continue across seams of
+            the texture; without them they end there.
 
     Returns:
         Optical thickness, shape (H, W): 1 - exp(-thickness) is the opacity.
@@ -132,7 +132,7 @@ def draw_strokes(
     height, width = texels.covered.shape
     velocity = np.zeros((height, width, 2), dtype=np.float32)
     velocity[texels.covered] = np.einsum("kij,kj->ki", texels.along, flow)
-    # Hairs bend on the surface; in the texture, which may be stretched, they bend otherwise.
+    # Bending is defined on the surface; the texture may be stretched.
     sideways = np.zeros((height, width, 2), dtype=np.float32)
     sideways[texels.covered] = np.einsum("kij,kj->ki", texels.along, np.cross(texels.normals, flow))
     enter = np.zeros((height, width), dtype=bool)
@@ -168,7 +168,7 @@ def draw_strokes(
 
 
 class _Seam:
-    """Joins the borders of a texture's charts where the surface goes on."""
+    """Correspondence of the borders of texture charts across seams."""
 
     def __init__(self, covered: NDArray[np.bool_], places: Image32) -> None:
         self._covered = covered
@@ -184,8 +184,9 @@ class _Seam:
 
         Args:
             at: Columns and rows; changed in place.
-            before: The covered texels that they come from, shape (n, 2).
-            may_cross: Which have not crossed yet, shape (n,); changed in place: hairs along a seam would be torn.
+            before: The previous covered texels, shape (n, 2).
+            may_cross: Mask of those that have not crossed yet, shape (n,); changed in place, so that each hair crosses
+                at most once.
         """
         height, width = self._covered.shape
         column, row = np.clip(np.rint(at).astype(int), 0, [width - 1, height - 1]).T
@@ -203,18 +204,18 @@ class _Seam:
 
 
 def softening(texels: TexelMap, reach: float) -> Image32:
-    """Return by how much fine detail must be softened, in pixels (H, W), so that it does not end where texels grow.
+    """Return the blur of fine detail in pixels (H, W) that avoids visible borders to larger texels.
 
-    Where texels are smaller than others near by, the deviation of the blur that brings detail to the others' size, less
-    with distance from them.
+    For texels smaller than others nearby, this is the standard deviation of the blur that gives detail the size of the
+    others, decreasing with the distance from them.
 
     Args:
         texels: The surface.
-        reach: How far around larger texels detail is softened, in pixels.
+        reach: Distance around larger texels in which detail is softened, in pixels.
     """
     size = np.zeros(texels.covered.shape, dtype=np.float32)
     size[texels.covered] = 1.0 / np.sqrt(np.maximum(texels.pixels_per_area, 1e-3))
-    # Blurred at a quarter of the size: the fields are smooth.
+    # Blurred at a quarter of the size, since the fields are smooth.
     small = size[::4, ::4]
     around = ndimage.gaussian_filter(ndimage.maximum_filter(small, round(reach / 4)), reach / 8)
     larger = np.clip(ndimage.zoom(around, 4, order=1)[: size.shape[0], : size.shape[1]], 1e-6, None)
@@ -224,7 +225,7 @@ def softening(texels: TexelMap, reach: float) -> Image32:
 
 
 def softened(image: Image32, sigma: Image32) -> Image32:
-    """Return ``image`` (H, W) blurred with a deviation ``sigma`` (H, W) of 0 to 3 pixels that changes slowly."""
+    """Return ``image`` (H, W) blurred with a slowly varying deviation ``sigma`` (H, W) of 0 to 3 pixels."""
     levels = [image, *(ndimage.gaussian_filter(image, deviation) for deviation in (1.0, 2.0, 3.0))]
     result = np.zeros_like(image)
     for k, level in enumerate(levels):
@@ -252,7 +253,7 @@ class Noise:
         self._lattice = np.random.default_rng(seed).standard_normal((48, 48, 48)).astype(np.float32)
 
     def __call__(self, points: Image32, size: float, octaves: int = 1) -> Image32:
-        """Return noise of mean 0 and deviation about 1 at ``points`` (..., 3), whose largest features have ``size``."""
+        """Return noise of mean 0 and deviation about 1 at ``points`` (..., 3), with largest features of ``size``."""
         shape = points.shape[:-1]
         points = points.reshape(-1, 3)
         total = np.zeros(len(points), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Meshes that are subdivided in places only, so that vertices lie where they are needed."""
+"""Locally subdivided meshes."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from scripts.asset_building.subdivision import Subdivision
 
 @dataclass(frozen=True)
 class Reduced:
-    """A mesh on some of the vertices of a subdivided one.
+    """Mesh on a subset of the vertices of a subdivided one.
 
     Attributes:
-        kept: The subdivided mesh's vertices that it has, rising, shape (K,).
+        kept: Vertices of the subdivided mesh that it uses, ascending, shape (K,).
         polygons: Its faces as positions in ``kept``, shape (P, 4); a triangle ends in -1.
-        corners: Where each corner was in the subdivided mesh's quads, counted through them, shape (P, 4); -1 likewise.
+        corners: Flat index of each corner in the subdivided mesh's quads, shape (P, 4); -1 likewise.
     """
 
     kept: Ints
@@ -24,13 +24,13 @@ class Reduced:
     corners: Ints
 
     def index(self, n_vertices: int) -> Ints:
-        """Return for each of ``n_vertices`` old vertices its new number, or -1, shape (N,)."""
+        """Return the new index of each of ``n_vertices`` old vertices, or -1, shape (N,)."""
         index = np.full(n_vertices, -1, dtype=np.int32)
         index[self.kept] = np.arange(len(self.kept), dtype=np.int32)
         return index
 
     def applied(self, piece: Piece) -> Piece:
-        """Return ``piece``, which has the subdivided mesh, on this mesh."""
+        """Return ``piece`` of the subdivided mesh on this mesh."""
         quad_uvs = np.where(self.corners < 0, -1, piece.quad_uvs.ravel()[self.corners])
         used, local = np.unique(quad_uvs[quad_uvs >= 0], return_inverse=True)
         quad_uvs[quad_uvs >= 0] = local
@@ -46,14 +46,14 @@ class Reduced:
 
 
 def refined_in_places(fine: Subdivision, chosen: NDArray[np.bool_]) -> Reduced:
-    """Return the mesh in which only some of the quads are subdivided, without gaps.
+    """Return the mesh with only some of the quads subdivided, without gaps.
 
-    A quad beside one that is subdivided becomes three triangles around the new vertex on their common edge; one with
+    A quad adjacent to a subdivided one becomes three triangles around the new vertex on their common edge; one with
     two or more such edges is subdivided too.
 
     Args:
-        fine: The mesh with all of them subdivided.
-        chosen: Which of the F old quads are to be, shape (F,).
+        fine: The mesh with all quads subdivided.
+        chosen: Mask of the old quads to subdivide, shape (F,).
     """
     quads = fine.quads.reshape(-1, 4, 4)
     chosen = chosen.copy()
@@ -82,7 +82,7 @@ def refined_in_places(fine: Subdivision, chosen: NDArray[np.bool_]) -> Reduced:
 
 
 def reduced(quads: Ints, corners: NDArray[np.integer]) -> Reduced:
-    """Return the mesh whose faces have the given ``corners`` (P, 4) of ``quads`` (F, 4), counted through them."""
+    """Return the mesh with the given ``corners`` (P, 4), flat indices into ``quads`` (F, 4)."""
     vertices = np.where(corners < 0, -1, quads.ravel()[corners])
     kept, local = np.unique(vertices[vertices >= 0], return_inverse=True)
     vertices[vertices >= 0] = local

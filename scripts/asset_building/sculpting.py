@@ -1,4 +1,4 @@
-"""Corrects the source's face units, shape by shape, on the base mesh that they were made for."""
+"""Correct the source's face units, shape by shape, on their base mesh."""
 
 import numpy as np
 
@@ -13,31 +13,31 @@ from scripts.asset_building.piece import Floats
 from scripts.asset_building.smile_shapes import smiles, squints
 
 _SIDES = ("Left", "Right")
-#: Shapes that pull the cheeks along.
+#: Shapes that also move the cheeks.
 _PULL_CHEEKS = tuple(
     name + side
     for name in ("mouthFrown", "mouthPress", "mouthStretch", "mouthDimple", "mouth", "jaw")
     for side in _SIDES
 )
-#: What makes a shape of either side from the source's.
+#: Functions that derive a shape of either side from the source's.
 _CORRECTIONS = {
     "browDown": lowered_brow,
     "browOuterUp": raised_brow,
     "noseSneer": wrinkled_nose,
     "mouthFrown": drawn_down,
 }
-#: Shapes to whose movement elsewhere the lips' is added.
+#: Shapes to which the motion of the lips is added.
 _ADDED = ("noseSneerLeft", "noseSneerRight")
-#: How far the lips make way for the tongue, as shares of these shapes of both sides.
+#: Opening of the lips for the tongue, as weights of these shapes of both sides.
 _TONGUE_PARTS_LIPS = {"mouthLowerDown": 1.3, "mouthUpperUp": 0.3}
-#: Where the parting of the lips begins to fade and has faded towards the corners.
+#: Range towards the corners over which the parting of the lips fades out.
 _TONGUE_SIDE = (0.9, 2.1)
-#: Rings of the control mesh around the lips' contact that shapes speak of.
+#: Number of rings of the control mesh around the lips' contact that shapes refer to.
 _MOUTH_RINGS = 5
 
 
 def sculpted(units: Floats, rest: Floats, skin: Skin) -> Floats:
-    """Return ``units``, in the order of ``ARKIT_SHAPES``, as this program has them.
+    """Return the corrected ``units``, in the order of ``ARKIT_SHAPES``.
 
     Args:
         units: Offsets in centimetres, each the mirror image of its partner, shape (52, N, 3).

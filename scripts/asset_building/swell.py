@@ -1,4 +1,4 @@
-"""Stretches places of a head smoothly: what no identity target does far enough."""
+"""Smooth local stretching of a head beyond the range of identity targets."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from scripts.asset_building.piece import Floats
 
 @dataclass(frozen=True)
 class Swell:
-    """A place that is stretched about its middle, fading out around it; off the middle it has a mirrored partner.
+    """Local stretch about a centre that fades out around it; off the middle of the face, it has a mirrored partner.
 
     Attributes:
-        place: Its middle on the base mesh in centimetres: x to the left, y up, z ahead.
-        radius: Over which the stretch fades, along each axis, in centimetres of the base mesh.
-        stretch: Factor along each axis in the middle.
+        place: Centre on the base mesh in centimetres: x to the left, y up, z forward.
+        radius: Radius of the falloff along each axis, in centimetres of the base mesh.
+        stretch: Factor along each axis at the centre.
     """
 
     place: tuple[float, float, float]
@@ -23,7 +23,7 @@ class Swell:
 
 
 def swollen(vertices: Floats, place: Floats, swells: tuple[Swell, ...]) -> Floats:
-    """Return ``vertices`` (N, 3) with ``swells`` applied one after another; ``place`` has them on the base mesh."""
+    """Return ``vertices`` (N, 3) with ``swells`` applied in sequence; ``place`` has the positions on the base mesh."""
     result = vertices
     for swell in swells:
         sides = (1.0, -1.0) if swell.place[0] else (1.0,)

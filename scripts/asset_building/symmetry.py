@@ -1,4 +1,4 @@
-"""Makes the two halves of the face mirror images; the source's are so but for rounding and small slips."""
+"""Make the two halves of the face exact mirror images, which the source's are only approximately."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ _FLIP = np.array([-1.0, 1.0, 1.0])
 
 
 def even(vertices: Floats, mirror: Ints) -> Floats:
-    """Return the mean of ``vertices`` (N, 3) and their mirror image, ``mirror`` (N,) telling who is opposite in x."""
+    """Return the mean of ``vertices`` (N, 3) and their mirror image; ``mirror`` (N,) is the vertex opposite in x."""
     return 0.5 * (vertices + _FLIP * vertices[mirror])
 
 

@@ -1,4 +1,4 @@
-"""Crowns of teeth: incisors, canines, premolars and molars, each touching its neighbours."""
+"""Crowns of teeth: incisors, canines, premolars and molars, in contact with their neighbours."""
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -20,11 +20,11 @@ _LEVELS = np.array([1.18, 0.92, 0.68, 0.46, 0.26, 0.10, 0.0])
 _CAP = np.array([0.70, 0.34])
 #: Vertices around a crown.
 AROUND = 14
-#: How much wider than measured the crowns are, so that they touch in a curve too.
+#: Factor on the measured width of the crowns, so that they touch along a curve.
 _CONTACT = 1.015
-#: Levels at which the knots of the profiles below lie.
+#: Levels of the knots of the profiles below.
 _KNOTS = np.array([0.0, 0.12, 0.3, 0.5, 0.75, 1.0, 1.2])
-#: Half the width of the crown as a share of the widest, between edge and neck, whose own share comes last but one.
+#: Half the width of the crown as a share of the widest, between edge and neck, whose own share is the last but one.
 _WIDTHS = {
     "incisor": (0.93, 0.985, 1.0, 0.995, 0.965),
     "canine": (0.80, 0.92, 1.0, 0.995, 0.955),
@@ -38,7 +38,7 @@ _THICKNESS = {
     "premolar": (0.76, 0.88, 0.97, 1.0, 0.97, 0.89, 0.82),
     "molar": (0.80, 0.91, 0.99, 1.0, 0.97, 0.91, 0.85),
 }
-#: How far the face of the crown lies behind its most prominent place, in centimetres.
+#: Depth of the face of the crown behind its most prominent point, in centimetres.
 _FACE = {
     "incisor": (0.075, 0.035, 0.008, 0.0, 0.008, 0.045, 0.08),
     "canine": (0.14, 0.085, 0.03, 0.0, 0.0, 0.045, 0.09),
@@ -55,14 +55,14 @@ def kind_name(kind: int) -> str:
 
 
 class CrownShape:
-    """The shape of the crowns of one kind in one jaw, left of the middle.
+    """Shape of the crowns of one kind in one jaw, left of the middle.
 
-    Places on it are given by the height from its edge as a share of its length and by how far they are from the middle
-    towards the back of the jaw (u) and towards the face (v), each from -1 to 1.
+    Coordinates are the height from the edge as a share of the length, and the positions towards the back of the jaw (u)
+    and towards the face (v), each from -1 to 1.
     """
 
     def __init__(self, arch: Arch, kind: int) -> None:
-        """Work out the profiles of ``kind`` in the jaw of ``arch``."""
+        """Compute the profiles of ``kind`` in the jaw of ``arch``."""
         self.arch, self.kind, self.name = arch, kind, kind_name(kind)
         self.length, self.depth = float(arch.length[kind]), float(arch.depth[kind])
         neck = arch.neck[kind]
@@ -79,7 +79,7 @@ class CrownShape:
         return np.asarray(self._half(level))
 
     def outward(self, level: Floats, v: Floats) -> Floats:
-        """Return how far outside of the arch's line the place ``v`` at ``level`` lies: 1 is the face, -1 the back."""
+        """Return the distance outside the arch's line of ``v`` at ``level``: 1 is the face, -1 the back."""
         face = self._forward - self._face(level) - self._lean * level * self.length
         outward: Floats = face - 0.5 * (1.0 - v) * self._thickness(level)
         return outward
@@ -103,7 +103,7 @@ class CrownShape:
         return np.asarray(np.interp(u, at[::-1], v[::-1]))
 
     def relief(self, u: Floats, v: Floats) -> Floats:
-        """Return how far the biting surface lies behind the tips of the crown, in centimetres."""
+        """Return the depth of the biting surface behind the tips of the crown, in centimetres."""
         far, near = np.maximum(u, 0.0), np.maximum(-u, 0.0)
         if self.kind == 0:
             return 0.035 * far**3 + 0.06 * far**9 + 0.03 * near**9
@@ -125,7 +125,7 @@ class CrownShape:
 def build_crowns(arch: Arch, frame: MouthFrame, around: int = AROUND) -> tuple[Floats, Ints, Floats]:
     """Return the fourteen crowns of a jaw: vertices (n, 3), quads (f, 4) and texture coordinates (n, 2).
 
-    u of the texture counts around the crown, a column for each kind of tooth, upper and lower ones beside each other;
+    u of the texture runs around the crown, with a column for each kind of tooth, upper and lower ones side by side;
     v runs from the root to the middle of the biting surface.
     """
     angle = (np.arange(around) + 0.5) * (2.0 * np.pi / around)
@@ -159,11 +159,11 @@ def build_crowns(arch: Arch, frame: MouthFrame, around: int = AROUND) -> tuple[F
 
 
 def _crown(shape: CrownShape, angle: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return u, the place outside the arch's line and the height from the edge of a crown's vertices, each (n,)."""
+    """Return u, the distance outside the arch's line and the height from the edge of a crown's vertices, each (n,)."""
     ring_u, ring_v = shape.outline(angle)
     us, outs, heights = [], [], []
     for level in _LEVELS:
-        # Towards the neck the relief of the edge is lost.
+        # The relief of the edge fades out towards the neck.
         rise = shape.relief(ring_u, ring_v) * (1.0 - smooth(np.array(level / 0.9)))
         us.append(ring_u)
         outs.append(shape.outward(np.full_like(ring_v, level), ring_v))

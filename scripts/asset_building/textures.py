@@ -1,4 +1,4 @@
-"""Gathers what is known of each texel and paints the textures of a character."""
+"""Compute the properties of texels and paint the textures of a character."""
 
 import io
 from dataclasses import dataclass
@@ -26,20 +26,20 @@ _MASKS = {"lips": "lips", "eyelids": "eyelids", "ears": "ears", "inside": "insid
 
 #: Depths, as z, between which the mouth's lining turns from dark to as bright as the inside of lips and cheeks.
 _LINING_DEPTH = (7.5, 13.4)
-#: Width of an ear's root over which its colour becomes its own, in centimetres; every how many texels are looked at.
+#: Width of the transition to the colour of an ear at its root, in centimetres; step of the sampled texels.
 _EAR_ROOT, _SPARSE = 1.3, 23
 
 
 @dataclass(frozen=True)
 class Look:
-    """Everything about one character that is colour.
+    """Colours of one character.
 
     Attributes:
         skin: A person's skin or a creature's hide.
         iris: The eyes.
         skin_size: Width and height of the skin's texture in pixels.
-        eye_size: Of the eye's.
-        tongue_size: Of the tongue's.
+        eye_size: Width and height of the eye's texture in pixels.
+        tongue_size: Width and height of the tongue's texture in pixels.
     """
 
     skin: SkinLook | HideLook
@@ -50,10 +50,10 @@ class Look:
 
 
 def skin_texels(source: Source, skin: Skin, rest: Floats, layout: Layout, size: int = SKIN_SIZE) -> SkinTexels:
-    """Return the skin's texels, described on the base mesh, so that they serve every person.
+    """Return the skin's texels in coordinates of the base mesh, valid for every person.
 
     Args:
-        source: For the masks.
+        source: Source of the masks.
         skin: Topology of the skin.
         rest: The control mesh of the skin in the unmodified base mesh, in centimetres, shape (C, 3).
         layout: Texture layout of the control mesh.
@@ -81,7 +81,7 @@ def skin_texels(source: Source, skin: Skin, rest: Floats, layout: Layout, size: 
 
 
 def _free_ears(place: NDArray[np.float32], ears: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return how far texels at ``place`` (K, 3) belong to an ear, rising softly from its root, 0..1, shape (K,)."""
+    """Return the weights of an ear at texels ``place`` (K, 3), rising softly from its root, 0..1, shape (K,)."""
     on_ear = np.flatnonzero((ears > 0.5) & (np.abs(place[:, 0]) > 6.0))
     beside = np.flatnonzero((ears <= 0.5) & (np.abs(place[:, 0]) > 5.0))[::_SPARSE]
     distance, _ = cKDTree(place[beside]).query(place[on_ear])
@@ -102,7 +102,7 @@ def vertex_masks(source: Source, skin: Skin) -> dict[str, Floats]:
 
 
 def paint(texels: SkinTexels, look: Look) -> dict[str, bytes]:
-    """Return the encoded textures by material, and that of the part "throat"; only people have lashes."""
+    """Return the encoded textures by material, and that of the part "throat"; only human characters have lashes."""
     skin = paint_hide(texels, look.skin) if isinstance(look.skin, HideLook) else paint_skin(texels, look.skin)
     if look.skin_size != len(skin):
         size = (look.skin_size, look.skin_size)
@@ -126,7 +126,7 @@ def _triangulated(quads: Ints, uv: Floats, quad_uvs: Ints) -> tuple[Ints, Floats
 
 
 def _lid_edges(skin: Skin) -> tuple[Floats, Floats]:
-    """Return for each control vertex how much it belongs to the lids' wet inside and to their edge under the lashes."""
+    """Return the weights of the lids' wet inside and of their edge under the lashes for each control vertex."""
     wet, lash = np.zeros(len(skin.base_ids)), np.zeros(len(skin.base_ids))
     for k, left in enumerate(skin.rings_left[: LASH_RING + 2]):
         for ring in (left, skin.mirror[left]):

@@ -1,4 +1,4 @@
-"""The tongue: at rest in the floor of the mouth, and stuck out between the lips."""
+"""The tongue: at rest on the floor of the mouth, and stuck out between the lips."""
 
 from dataclasses import dataclass
 
@@ -11,15 +11,15 @@ from scripts.asset_building.piece import Floats, Ints, grid_quads
 
 @dataclass(frozen=True)
 class _Form:
-    """Sections of the tongue at some places from root (0) to tip (1), in centimetres of a man and degrees.
+    """Sections of the tongue at positions from root (0) to tip (1), in centimetres of a man and degrees.
 
     Attributes:
-        at: The places.
+        at: Positions of the sections.
         back, up: Middles of the sections.
         rise: Half of their height.
         half_width: Half of their width.
-        lean: By how much their upper ends lean ahead.
-        drop: How far the tongue's sides hang over the lip, per square centimetre.
+        lean: Forward lean of their upper ends.
+        drop: Drop of the tongue's sides over the lip, per square centimetre.
     """
 
     at: tuple[float, ...]
@@ -45,7 +45,7 @@ _REST = _Form(
     lean=(0.0,) * 8,
     drop=(0.0,) * 8,
 )
-#: Over the lower teeth and over the lower lip, which it lies on.
+#: Over the lower teeth and on the lower lip.
 _OUT = _Form(
     at=(0.0, 0.14, 0.32, 0.50, 0.64, 0.74, 0.82, 0.88, 0.93, 0.965, 0.988, 1.0),
     back=(6.2, 5.5, 4.0, 2.2, 0.95, 0.25, -0.45, -1.10, -1.62, -1.93, -2.10, -2.17),
@@ -62,7 +62,7 @@ def build_tongue(frame: MouthFrame, rings: int, around: int) -> tuple[Floats, In
 
     Returns:
         Vertices (n, 3), quads (f, 4), texture coordinates (n, 2), the vertices with the tongue stuck out (n, 3), and
-        how far each vertex goes with the jaw, 1 in front and less towards the root, (n,).
+        the share of the jaw's motion of each vertex, 1 in front and less towards the root, (n,).
     """
     # Rings are closer where the tip is round.
     t = 1.0 - (1.0 - np.linspace(0.0, 1.0, rings)) ** 1.5
@@ -87,12 +87,12 @@ def _vertices(form: _Form, t: Floats, angle: Floats, frame: MouthFrame) -> Float
     back, middle, rise, half, lean, drop = (values[:, None] for values in form(t))
     cosine, sine = np.cos(angle)[None, :], np.sin(angle)[None, :]
     across = half * np.sign(cosine) * np.abs(cosine) ** 0.85
-    # Flat above, like a boat's hull below.
+    # Flat above, rounded like a hull below.
     up = rise * np.where(sine > 0.0, np.abs(sine) ** 0.8, -(np.abs(sine) ** 1.15))
     groove = 0.10 * np.exp(-((across / 0.22) ** 2)) * np.maximum(sine, 0.0) * smooth((t[:, None] - 0.2) / 0.3)
     up = up - groove * (1.0 - smooth((t[:, None] - 0.75) / 0.2)) - drop * across**2
     points = frame.place(across, back - np.sin(lean) * up, middle + np.cos(lean) * up).reshape(-1, 3)
-    # The ends are closed by a point each, the tip's a little ahead.
+    # Each end is closed by a point, that of the tip slightly in front.
     root = points[: len(angle)].mean(axis=0)
     tip = points[-len(angle) :].mean(axis=0)
     ahead = tip - points[-2 * len(angle) : -len(angle)].mean(axis=0)

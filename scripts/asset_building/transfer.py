@@ -1,8 +1,7 @@
-"""Fits the source's face units to a head of very different proportions.
+"""Fit the source's face units to a head of very different proportions.
 
-Each offset is turned and stretched as the surface around its vertex is between the two heads, by the affine map that
-takes one neighbourhood to the other: Noh and Neumann, "Expression cloning" (2001), with maps by least squares in the
-place of local bounding boxes, since these also know shear.
+Each offset is transformed by the affine map of its vertex's neighbourhood between the two heads: Noh and Neumann,
+"Expression cloning" (2001), with least-squares maps in place of local bounding boxes, since these include shear.
 """
 
 import numpy as np
@@ -11,22 +10,22 @@ from scipy.spatial import cKDTree
 
 from scripts.asset_building.piece import Floats
 
-#: Vertices in a neighbourhood, and its radius in centimetres: enough to look past folds.
+#: Vertices in a neighbourhood, and its radius in centimetres, larger than folds.
 _NEIGHBOURS, _RADIUS = 96, 2.2
-#: Weight of the identity beside the neighbourhood, which keeps flat neighbourhoods from leaving a direction unknown.
+#: Weight of the identity, which determines the normal direction of flat neighbourhoods.
 _RIDGE = 0.25
 #: A direction is stretched or shrunk by at most this factor.
 _MOST = 2.0
 
 
 def fitted_units(rest: Floats, head: Floats, units: Floats, chosen: NDArray[np.bool_]) -> Floats:
-    """Return ``units`` as they fit on ``head``.
+    """Return ``units`` fitted to ``head``.
 
     Args:
-        rest: The mesh that the units were made for, in centimetres, shape (N, 3).
-        head: The same mesh as another head, shape (N, 3).
+        rest: Original mesh of the units, in centimetres, shape (N, 3).
+        head: The same mesh in the shape of another head, shape (N, 3).
         units: Offsets on ``rest``, shape (S, N, 3).
-        chosen: Which vertices belong to the head, shape (N,); the others keep their offsets.
+        chosen: Mask of the vertices of the head, shape (N,); the others keep their offsets.
     """
     ids = np.flatnonzero(chosen)
     distance, near = cKDTree(rest[ids]).query(rest[ids], k=_NEIGHBOURS)

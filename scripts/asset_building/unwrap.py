@@ -1,9 +1,9 @@
-"""Lays the skin out flat: one chart for the outside of the head, small ones for the mouth's and sockets' insides.
+"""Unwrap the skin: one chart for the outside of the head, small ones for the insides of mouth and sockets.
 
-The chart of the base mesh gives the face very few texels, so the outside is laid out anew, cut along the middle of
+The chart of the base mesh gives the face very few texels, so the outside is unwrapped again, cut along the middle of
 the back of the head: an embedding with convex border as in W. T. Tutte, "How to draw a graph" (1963), which has no
-fold-overs whatever its positive weights are. The weights are springs, stiffened a few times where an edge comes out
-too long and softened where it comes out too short.
+fold-overs for any positive weights. The weights are spring constants, increased over a few iterations for edges that
+are too long and decreased for edges that are too short.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ Ints = NDArray[np.int32]
 
 _ROUNDS = 8
 _DAMPING = 0.5
-#: The outside fills the texture above this height; below it lie the mouth's inside and the sockets.
+#: Height above which the outside fills the texture; the insides of the mouth and the sockets are below it.
 _STRIP = 0.11
 _MARGIN = 0.004
 #: Radius of the square's upper corners.
@@ -35,7 +35,7 @@ class Layout:
 
 
 def texel_density(vertices: Floats) -> Floats:
-    """Return how many times more texels per centimetre each vertex of the base mesh's skin should get, shape (N,).
+    """Return the relative texel density of each vertex of the base mesh's skin, per centimetre, shape (N,).
 
     Args:
         vertices: Positions in centimetres, shape (N, 3).
@@ -54,10 +54,10 @@ def unwrap_skin(vertices: Floats, quads: Ints, old: Layout, density: Floats) -> 
         vertices: Positions in centimetres, shape (N, 3), symmetric in x.
         quads: Vertex ids, shape (F, 4).
         old: The layout of the base mesh; its charts of the mouth's and sockets' insides are kept.
-        density: How many times more texels per centimetre each vertex should get, shape (N,).
+        density: Relative texel density of each vertex, per centimetre, shape (N,).
     """
     chart = _charts(old)
-    # The insides lie lower in the old layout's list of sizes than head and neck, which are joined here.
+    # The insides are smaller charts of the old layout than head and neck, which are joined here.
     by_depth = {c: vertices[quads[chart == c].ravel(), 2].mean() for c in np.unique(chart)}
     crown, neck = vertices[quads, 1].mean(axis=1).argmax(), vertices[quads, 1].mean(axis=1).argmin()
     outside = np.isin(chart, [chart[crown], chart[neck]])
@@ -187,7 +187,7 @@ def _on_square(points: Floats, loop: list[int]) -> Floats:
 
 
 def _rounded_quarter() -> Floats:
-    """Return points in equal steps from the middle of the square's top round its left corner to its bottom, (n, 2)."""
+    """Return evenly spaced points from the top middle of the square around its left corner to the bottom, (n, 2)."""
     turn = np.linspace(0.0, np.pi / 2.0, 40)
     arc = _ROUNDING + _ROUNDING * np.stack([-np.sin(turn), np.cos(turn)], axis=1) + [0.0, 1.0 - 2.0 * _ROUNDING]
     corners = np.concatenate([[[0.5, 1.0]], arc, [[0.0, 0.0]]])
@@ -197,7 +197,7 @@ def _rounded_quarter() -> Floats:
 
 
 def _embed(points: Floats, quads: Ints, spokes: Ints, loop: list[int], border: Floats, density: Floats) -> Floats:
-    """Return the embedding, shape (N, 2), with ``border`` fixed, its edges about as long as in space times density."""
+    """Return the embedding, shape (N, 2), with fixed ``border`` and edges about as long as in space times density."""
     n = len(points)
     sides = np.stack([quads, np.roll(quads, -1, 1)], -1).reshape(-1, 2)
     pairs = np.unique(np.sort(np.concatenate([sides, spokes]), axis=1), axis=0)

@@ -1,1 +1,1 @@
-"""What ``scripts/benchmark.py`` and ``scripts/compare_strokes.py`` are made of."""
+"""Parts of ``scripts/benchmark.py`` and ``scripts/compare_strokes.py``."""

@@ -1,4 +1,4 @@
-"""Times of warm solves with constraints of each kind, and how they grow with the number of constraints."""
+"""Times of warm solves for each kind of constraint, and their growth with the number of constraints."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ from faceposer.training.capture import read_capture
 from faceposer.training.expressions import Recipe, clean, learn_from_frames
 from scripts.benchmarking.timing import Row, elapsed, row
 
-# Mouth, eyelid and brow: what an artist opens and closes by a slider.
+# Openings of mouth, eyelids and brows, which an artist sets with sliders.
 _PAIRS = (("2.2", "2.3"), ("8.3", "8.4"), ("3.1", "3.3"), ("4.1", "4.2"))
 # Corners of the mouth, chin and lips.
 _DRAGGED = ("8.3", "8.4", "2.1", "8.1", "8.2")
@@ -42,7 +42,7 @@ def circle(moves: int) -> Offsets:
 
 
 def warm_row(name: str, model: FaceModel, drag: Iterator[Sequence[Constraint]]) -> Row:
-    """Measure a live drag: at each move the problem is built, and solved from the last pose."""
+    """Measure a live drag: at each move, set up the problem and solve it from the last pose."""
     p, times, evaluations = model.neutral(), [], []
     for constraints in drag:
 
@@ -71,7 +71,7 @@ def dragged_points(
 
 
 def dragged_distances(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[DistanceConstraint]]:
-    """Yield four distances, the first of which is set by a slider that is drawn out and back by about 24 pixels."""
+    """Yield four distances, the first of which a slider moves out and back by about 24 pixels."""
     features = model.character.feature_points
     still = []
     for first, second in _PAIRS:
@@ -83,21 +83,21 @@ def dragged_distances(model: FaceModel, camera: Camera, moves: int) -> Iterator[
 
 
 def brow_stroke(model: FaceModel, camera: Camera, pixels: int) -> StrokeConstraint:
-    """Return a stroke of about ``pixels`` pixels along the left brow, its target where it is."""
+    """Return a stroke of about ``pixels`` pixels along the left brow, with its own position as target."""
     line = feature_line(model, model.character.vertices, camera, FEATURE_LINES["brow_left"])
     way = as_pixels(line)
     return StrokeConstraint(way, way, width_of(line, pixels), camera).resolved(model, model.neutral())
 
 
 def dragged_stroke(model: FaceModel, camera: Camera, pixels: int, moves: int) -> Iterator[list[StrokeConstraint]]:
-    """Yield a stroke of ``pixels`` pixels whose target is dragged by about a pixel at each move."""
+    """Yield a stroke of ``pixels`` pixels with a target that moves by about a pixel at each move."""
     stroke = brow_stroke(model, camera, pixels)
     for offset in circle(moves):
         yield [stroke.nudged(offset)]
 
 
 def dragged_curve(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[CurveConstraint]]:
-    """Yield a curve with five control points along the upper lip, the middle one being dragged."""
+    """Yield a curve with five control points along the upper lip, with the middle one being dragged."""
     names = ("8.4", "8.9", "8.1", "8.10", "8.3")
     way = as_pixels(feature_line(model, model.character.vertices, camera, names))
     curve = CurveConstraint(way, way, camera).resolved(model, model.neutral())
@@ -106,7 +106,7 @@ def dragged_curve(model: FaceModel, camera: Camera, moves: int) -> Iterator[list
 
 
 def dragged_with_fixed(model: FaceModel, camera: Camera, count: int, moves: int) -> Iterator[list[Constraint]]:
-    """Yield five points about the mouth being dragged, and ``count`` vertices of the skin above it being held."""
+    """Yield five dragged points around the mouth, and ``count`` fixed vertices of the skin above it."""
     character = model.character
     first, last = character.part("skin").vertices
     above = first + np.flatnonzero(
@@ -119,7 +119,7 @@ def dragged_with_fixed(model: FaceModel, camera: Camera, count: int, moves: int)
 
 
 def constraint_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
-    """Measure a warm solve for constraints of each kind, the building of the problem included."""
+    """Measure a warm solve for each kind of constraint, including the set-up of the problem."""
     return [
         warm_row("solve/distances-4/mfa", model, dragged_distances(model, camera, moves)),
         *(
@@ -135,7 +135,7 @@ def constraint_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
 
 
 def scaling_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
-    """Measure how a warm solve grows with the number of points, of pixels in a stroke and of fixed vertices."""
+    """Measure warm solves by the number of points, of pixels in a stroke and of fixed vertices."""
     regions = model.character.regions
     places = np.concatenate([regions[name] for name in ("mouth", "brow_left", "brow_right", "cheek_left", "nose")])
     corner = model.character.feature_points["8.3"]
@@ -161,9 +161,9 @@ def scaling_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
 
 
 def example_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
-    """Measure that a solve does not depend on the number of examples; nothing without FACEPOSER_CAPTURES.
+    """Measure warm solves by the number of examples; return no rows without FACEPOSER_CAPTURES.
 
-    A solve reads only the mixture that was learned, whose size the recipe sets, and no example.
+    A solve uses only the learned mixture, which has the size set by the recipe, and no examples.
     """
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder:
@@ -181,9 +181,9 @@ def example_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
 
 
 def pick_rows(model: FaceModel, camera: Camera, repeats: int) -> list[Row]:
-    """Measure the way from a stroke's 900 pixels to points of the face, by the picture of triangle numbers and without.
+    """Measure picking 900 pixels of a stroke on the face, with and without the image of triangle indices.
 
-    Without OpenGL only the way without is measured.
+    Without OpenGL, only picking without the image is measured.
     """
     from faceposer.errors import FacePoserError
     from faceposer.render.offscreen import offscreen_context
@@ -199,13 +199,13 @@ def pick_rows(model: FaceModel, camera: Camera, repeats: int) -> list[Row]:
             scene.set_model(model)
             redrawn, drawn = [], []
             for repeat in range(repeats + 1):
-                # A view from hardly anywhere else: the picture of before is of no use.
+                # A slightly different view, so that the previous image cannot be reused.
                 other = replace(camera, translation=camera.translation + (1e-6 * repeat, 0.0, 0.0))
                 redrawn.append(elapsed(lambda view=other: scene.pick_many(view, pixels)))  # type: ignore[misc]
                 drawn.append(elapsed(lambda view=other: scene.pick_many(view, pixels)))  # type: ignore[misc]
             scene.release()
         rows = [row("pick/stroke-900", redrawn[1:]), row("pick/stroke-900/drawn", drawn[1:])]
     except FacePoserError as error:
-        print(f"without the picture of triangle numbers: {error}")
+        print(f"without the image of triangle indices: {error}")
     numpy_times = [elapsed(lambda: model.pick(neutral, camera, pixels)) for _ in range(repeats)]
     return [*rows, row("pick/stroke-900/numpy", numpy_times)]

@@ -1,4 +1,4 @@
-"""Our solve beside its rivals, trial by trial, and how the ratios of their times stand to the targets."""
+"""Comparison of our solve with other techniques, trial by trial, and of the ratios of times with their targets."""
 
 import os
 import time
@@ -35,7 +35,7 @@ CELLS = (
     ("distances-4", Cell("distance", 4, 1.5)),
 )
 FINITE = "finite-difference"
-# The same with nothing of ours that takes derivatives: no curvature to scale by, no start that looks ahead.
+# The same without any of our derivatives: no curvature for scaling, no predicted start.
 FINITE_ALONE = "finite-difference-alone"
 _TRAIN, _TEST = "alex_rom_3.csv", "alex_rom_4.csv"
 _DIFFERENCE = 1e-7
@@ -43,13 +43,13 @@ _DIFFERENCE = 1e-7
 
 @dataclass(frozen=True)
 class Target:
-    """What the ratio of two times is to reach.
+    """Target of the ratio of two times.
 
     Attributes:
-        above: Name of the row whose time is divided.
-        below: Name of the row that it is divided by.
-        limit: The least ratio, or the greatest if ``at_most``.
-        at_most: Which of the two.
+        above: Name of the row in the numerator.
+        below: Name of the row in the denominator.
+        limit: Minimum of the ratio, or its maximum if ``at_most``.
+        at_most: True if the limit is a maximum.
     """
 
     above: str
@@ -58,7 +58,7 @@ class Target:
     at_most: bool = False
 
 
-#: Of each kind of constraint, where both rows are.
+#: Targets for each kind of constraint for which both rows exist.
 TARGETS = (
     Target(FINITE, "mfa", 15.0),
     Target(FINITE_ALONE, "mfa", 15.0),
@@ -68,19 +68,19 @@ TARGETS = (
     Target("lwr", "mfa", 1.0),
     Target("bounded-weights", "mfa", 1.0),
 )
-#: Of a whole mesh.
+#: Target for the whole mesh.
 MESH_TARGET = Target("reconstruct", "basis-copy", 1.5, at_most=True)
 
 
 class FiniteDifferences(PoseProblem):
-    """The same energy with a gradient by forward differences, as one gets without the paper's appendix."""
+    """The same energy with a gradient by forward differences, without the derivatives of the paper's appendix."""
 
     def energy_and_gradient(self, p: np.ndarray) -> tuple[float, np.ndarray]:
         """Return E(p) and its numerical gradient."""
         return self.energy(p), approx_fprime(p, self.energy, _DIFFERENCE)
 
     def energy(self, p: np.ndarray) -> float:
-        """Return E(p), without a gradient where a term can do without."""
+        """Return E(p), without gradients of terms that do not need them."""
         state: PoseState = self.state(p)
         total = 0.0
         for term in self.terms:
@@ -93,13 +93,13 @@ class FiniteDifferences(PoseProblem):
 
 
 def solve_by_differences(model: FaceModel, constraints: Sequence[Constraint]) -> np.ndarray:
-    """Return what our cold solve finds with numerical gradients; the start costs the same, since it needs energies."""
+    """Solve from the neutral face with numerical gradients; the start costs the same, since it only needs energies."""
     start, _ = best_start(PoseProblem(model, constraints))
     return solve(FiniteDifferences(model, constraints), start).coefficients
 
 
 def solve_by_differences_alone(model: FaceModel, constraints: Sequence[Constraint]) -> np.ndarray:
-    """Return what L-BFGS finds with numerical gradients from the start pose, in units of the prior's spread."""
+    """Solve by L-BFGS with numerical gradients from the start pose, in units of the prior's standard deviations."""
     problem = FiniteDifferences(model, constraints)
     scale = np.sqrt(model.subspace.variances.clip(1e-9))
     # Tolerances as in our solve.
@@ -118,21 +118,21 @@ def solve_by_differences_alone(model: FaceModel, constraints: Sequence[Constrain
     return np.asarray(problem.start + scale * result.x, dtype=np.float64)
 
 
-#: Our objective without our gradients, by name of the row.
+#: Solvers of our objective with numerical gradients, by name of the row.
 DIFFERENCES = {FINITE: solve_by_differences, FINITE_ALONE: solve_by_differences_alone}
 
 
 def rival_rows(character: str, trials: int, names: Iterable[str] = RIVALS) -> list[Row]:
-    """Measure cold solves of ours and of the rivals ``names`` on the same trials; nothing without FACEPOSER_CAPTURES.
+    """Measure our solve and the rivals ``names`` from the neutral face; return no rows without FACEPOSER_CAPTURES.
 
-    All learn from take 3, and trials come from take 4, targets off by 1.5 px. The methods do each trial one after
-    another, in an order that is drawn anew, so that what else the machine does hits all alike. Rows of the basis at the
-    constrained points are gathered before, as while a pin is dragged. Nothing is to be chosen by the errors: take 4 is
-    the test of the evaluation.
+    All learn from take 3; the trials are from take 4, with a target noise of 1.5 px. The methods solve each trial one
+    after another in random order, so that other load affects all equally. Rows of the basis at the constrained points
+    are gathered in advance, as while a pin is dragged. The errors must not be used for choices: take 4 is the test take
+    of the evaluation.
     """
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder:
-        print("without rivals, which learn from captures: set FACEPOSER_CAPTURES to their folder")
+        print("rivals are skipped; set FACEPOSER_CAPTURES to the folder of the captures")
         return []
     setting = StudyContext.of(load_character(character), [read_capture(Path(folder) / _TRAIN)])
     frames = setting.rig_weights(clean(read_capture(Path(folder) / _TEST), setting.recipe))
@@ -145,7 +145,7 @@ def rival_rows(character: str, trials: int, names: Iterable[str] = RIVALS) -> li
     maker = TrialMaker(setting)
     rows = []
     for label, cell in CELLS:
-        # One more than asked: the first loads what is loaded at a first solve, and does not count.
+        # One additional trial: the first includes one-time loading and does not count.
         given = list(maker.trials(cell, frames, trials + 1, 0))
         able = {name: method for name, method in methods.items() if cell.constraint in method.kinds}
         rows += _compared(label, setting, able, given)
@@ -164,7 +164,7 @@ def _compared(label: str, setting: StudyContext, methods: dict[str, Method], tri
         for method in methods.values():
             if isinstance(method, ModelMethod):
                 for constraint in trial.constraints:
-                    method.model.rows_at(constraint.points)
+                    method.model.jacobian_at(constraint.points)
         names = list(times)
         for name in (names[i] for i in rng.permutation(len(names))):
             if name in DIFFERENCES:
@@ -188,7 +188,7 @@ def _compared(label: str, setting: StudyContext, methods: dict[str, Method], tri
 
 
 def _without_factors(method: Method, setting: StudyContext, trial: Trial) -> float:
-    """Return the time of as-rigid-as-possible deformation where the handles are those of before."""
+    """Return the time of as-rigid-as-possible deformation with the handles of the previous solve."""
     assert isinstance(method, Arap)
     ids, targets = method.held(Handles.of(setting.character, trial.constraints))
     data = method.factorised(ids)
@@ -196,7 +196,7 @@ def _without_factors(method: Method, setting: StudyContext, trial: Trial) -> flo
 
 
 def mesh_rows(model: FaceModel, repeats: int, others: Sequence[tuple[str, Callable[[], object]]] = ()) -> list[Row]:
-    """Measure vertices from coefficients beside the copy of the basis that bounds it, and ``others``, in turn."""
+    """Measure the reconstruction of vertices, a copy of the basis as its lower bound, and ``others``, in turn."""
     p = np.random.default_rng(0).normal(size=model.n_coefficients) * np.sqrt(model.subspace.variances)
     target = np.empty_like(model.basis)
     actions: dict[str, Callable[[], object]] = {
@@ -212,7 +212,7 @@ def mesh_rows(model: FaceModel, repeats: int, others: Sequence[tuple[str, Callab
 
 
 def ratio_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return how the ratios of medians among ``rows`` stand to the targets; what was not measured is left out."""
+    """Return the ratios of medians in ``rows`` with their targets; rows that were not measured are skipped."""
     medians = {str(entry["name"]): float(str(entry["median_ms"])) for entry in rows}
     pairs = [(f"rivals/{label}/", target) for label, _ in CELLS for target in TARGETS] + [("", MESH_TARGET)]
     ratios: list[Row] = []

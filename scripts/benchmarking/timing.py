@@ -9,20 +9,20 @@ Row = dict[str, object]
 
 
 def elapsed(action: Callable[[], object]) -> float:
-    """Return how long ``action`` takes, in milliseconds."""
+    """Return the time of ``action`` in milliseconds."""
     began = time.perf_counter()
     action()
     return (time.perf_counter() - began) * 1e3
 
 
 def milliseconds(action: Callable[[], object], repeats: int) -> list[float]:
-    """Return the time of each of ``repeats`` calls, after one that does not count."""
+    """Return the time of each of ``repeats`` calls, after a warm-up call."""
     action()
     return [elapsed(action) for _ in range(repeats)]
 
 
 def row(name: str, times: list[float], evaluations: list[int] | None = None) -> Row:
-    """Return one row of the result; with ``evaluations`` of the energy, one count per time, their median too."""
+    """Return one row of the result, with the median of ``evaluations`` (of the energy, one count per time) if given."""
     data: Row = {
         "name": name,
         "count": len(times),

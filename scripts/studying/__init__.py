@@ -1,1 +1,1 @@
-"""Parts of the studies: made data, and measurements of memory."""
+"""Parts of the studies: generated data and measurements of memory."""

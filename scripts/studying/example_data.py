@@ -1,4 +1,4 @@
-"""Example meshes as many and as large as those of the paper, made from a rig and real performances."""
+"""Example meshes of the number and size of those in the paper, generated from a rig and real performances."""
 
 import os
 import shutil
@@ -18,7 +18,7 @@ from faceposer.training.capture import read_capture
 
 Array = NDArray[np.float64]
 TAKES = ("alex_rom_3.csv", "alex_rom_4.csv")
-# A vertex line of an OBJ file, with its share of the faces, has about so many bytes.
+# Approximate size in bytes of a vertex in an OBJ file, with its share of the faces.
 _OBJ_BYTES = 70
 NOISE_CM = 0.002
 _TURN_DEGREES, _SHIFT_CM = 6.0, 2.0
@@ -26,13 +26,13 @@ _TURN_DEGREES, _SHIFT_CM = 6.0, 2.0
 
 @dataclass(frozen=True, eq=False)
 class ExampleData:
-    """A rig, and how it moves.
+    """A rig and its motion.
 
     Attributes:
         vertices: Neutral face, shape (N, 3).
         polygons: Shape (F, 4).
         shapes: Offsets, shape (S, N, 3).
-        weights: Of each frame, shape (F, S).
+        weights: Weights of the shapes in each frame, shape (F, S).
     """
 
     vertices: Array
@@ -41,7 +41,7 @@ class ExampleData:
     weights: Array
 
     def frames(self) -> Iterator[Array]:
-        """Yield the vertices of each frame, (N, 3): posed, with noise, and with the head anywhere."""
+        """Yield the vertices of each frame, (N, 3): posed, with noise and a random rigid motion of the head."""
         rng = np.random.default_rng(0)
         flat = self.shapes.reshape(len(self.shapes), -1)
         for weights in self.weights:
@@ -51,14 +51,14 @@ class ExampleData:
             yield face @ turn.T + _SHIFT_CM * rng.standard_normal(3)
 
     def exact_basis(self, scale: Array, count: int, centred: bool) -> tuple[Array, Array, float]:
-        """Return the exact principal directions, (3 N, k), and energies, (k,), found in the rig's weights, and all.
+        """Return the exact principal directions, (3 N, k), energies, (k,), and total energy, from the rig's weights.
 
-        Noise that is the same everywhere turns no direction; the energies are those without it.
+        Isotropic noise does not change the directions; the energies are without noise.
 
         Args:
-            scale: By which each vertex's displacement is multiplied, shape (N,).
-            count: How many.
-            centred: Whether about the mean instead of the neutral face.
+            scale: Factor on the displacement of each vertex, shape (N,).
+            count: Number of directions k.
+            centred: True to centre at the mean instead of the neutral face.
         """
         weights = self.weights - self.weights.mean(axis=0) if centred else self.weights
         flat = (self.shapes * scale[:, None]).reshape(len(self.shapes), -1)
@@ -73,15 +73,15 @@ class ExampleData:
 
 
 def example_data(n_frames: int, n_vertices: int) -> ExampleData:
-    """Return the shipped man, cut to ``n_vertices``, moved by as many frames of the real takes, again and again."""
+    """Return the built-in man, cut to ``n_vertices``, moved by the frames of the real takes in a cycle."""
     folder = os.environ.get("FACEPOSER_CAPTURES")
     if not folder:
         sys.exit("Set FACEPOSER_CAPTURES to the folder with the capture files.")
     man = load_character("man")
     least = man.part("skin").vertices[1]
     if not least <= n_vertices <= len(man.vertices):
-        sys.exit(f"The mesh can have {least} to {len(man.vertices)} vertices, not {n_vertices}.")
-    takes = [read_capture(Path(folder) / take).with_shapes(man.shape_names).from_rest() for take in TAKES]
+        sys.exit(f"The number of vertices must be {least} to {len(man.vertices)}, not {n_vertices}.")
+    takes = [read_capture(Path(folder) / take).with_shapes(man.shape_names).relative_to_rest() for take in TAKES]
     weights = np.concatenate([take.weights for take in takes])
     weights = weights[np.arange(n_frames) % len(weights)]
     polygons = man.polygons[(man.polygons < n_vertices).all(axis=1)]
@@ -91,16 +91,16 @@ def example_data(n_frames: int, n_vertices: int) -> ExampleData:
 
 
 def write_examples(data: ExampleData, folder: Path, obj: bool) -> dict[str, Path]:
-    """Write the frames as one ``.npz`` beside the neutral mesh and, if ``obj``, as a folder of OBJ files too.
+    """Write the frames as one ``.npz`` next to the neutral mesh and, if ``obj``, also as a folder of OBJ files.
 
-    What is there already is left as it is. Ends the program if the disk has no room.
+    Existing files are kept. Exits if there is not enough space on the disk.
     """
     count, width = len(data.weights), len(data.vertices)
     paths = {"neutral": folder / "neutral.obj", "npz": folder / "frames.npz"} | ({"obj": folder / "obj"} if obj else {})
-    # One copy as arrays, and the one that the training makes.
+    # One copy as arrays, and one written by the training.
     needed = 2 * 12 * count * width + (count * width * _OBJ_BYTES if obj else 0)
     if not all(path.exists() for path in paths.values()) and shutil.disk_usage(folder).free < 1.1 * needed:
-        sys.exit(f"'{folder}' needs {1.1 * needed / 1e9:.1f} GB free; make room, or give another folder.")
+        sys.exit(f"'{folder}' needs {1.1 * needed / 1e9:.1f} GB of free space; choose another folder with --folder.")
     write_obj(paths["neutral"], data.vertices, data.polygons)
     if not paths["npz"].exists():
         part = folder / "frames.part"

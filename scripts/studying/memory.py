@@ -1,4 +1,4 @@
-"""How much memory a process and all that it starts hold at most."""
+"""Peak memory of a process and its descendants."""
 
 import os
 import threading
@@ -11,13 +11,13 @@ _EVERY_S = 0.05
 
 
 class PeakMemory:
-    """Looks at the resident memory of a process and its descendants while the block runs (Linux).
+    """Sample the resident memory of a process and its descendants while the block runs (Linux).
 
-    Pages that several of them share, such as libraries, count for each, so that the figure is an upper bound.
+    Shared pages, such as libraries, count for each process, so the result is an upper bound.
 
     Attributes:
-        bytes: The most that was seen, of all together.
-        largest: The most of a single process.
+        bytes: Peak of all processes together.
+        largest: Peak of a single process.
     """
 
     def __init__(self, pid: int | None = None) -> None:

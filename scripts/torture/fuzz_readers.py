@@ -69,7 +69,7 @@ def _session(path: Path) -> Values:
     yield session.coefficients
     yield session.vertices
     yield session.residuals_px
-    session.document.stamped(session.model).to_json()
+    session.document.with_version_data(session.model).to_json()
 
 
 def _journal(path: Path) -> Values:

@@ -207,7 +207,7 @@ def _session(folder: Path, model: FaceModel) -> Any:
         "animation": {"frame": 3, "rate": 30.0, "length": 20, "loop": False, "keys": keys},
     }
     document = Document.from_json(data).resolved(model)
-    write_document(folder / "stamped.json", document.stamped(model))
+    write_document(folder / "stamped.json", document.with_version_data(model))
     return json.loads((folder / "stamped.json").read_text())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from faceposer.animation import following
-from faceposer.animation.following import follow
+from faceposer.animation.following import solve_trajectories
 from faceposer.animation.smoothing import smooth_poses
 from faceposer.animation.terms import CHANGE, SmoothnessTerm, TrackTerm, smoothness_metric
 from faceposer.animation.trajectories import Trajectories
@@ -67,7 +67,7 @@ def jerk(model: FaceModel, poses: Array) -> float:
 def terms(model: FaceModel) -> dict[str, Term]:
     rng = np.random.default_rng(1)
     points = SurfacePoints(rng.integers(0, len(model.triangles), 5), rng.dirichlet(np.ones(3), 5))
-    rows, neutral = model.rows_at(points)
+    rows, neutral = model.jacobian_at(points)
     weights = rng.uniform(0.5, 2.0, 5)
     camera = front(model)
     poses = rng.normal(size=(2, model.n_coefficients)) * np.sqrt(model.subspace.variances)
@@ -120,7 +120,7 @@ def test_smoothness_costs_the_same_in_time_at_any_rate_and_for_any_mesh(model: F
 @pytest.mark.parametrize("in_space", [False, True])
 def test_a_known_sequence_comes_back_from_seven_points(model: FaceModel, in_space: bool) -> None:
     truth = performed(model, 45)
-    performance = follow(model, tracked(model, truth, in_space=in_space), prior="whole")
+    performance = solve_trajectories(model, tracked(model, truth, in_space=in_space), prior="whole")
     assert len(performance) == 45
     assert performance.rate == 30.0
     assert error(model, performance.coefficients, truth) < 0.35 * error(model, np.zeros_like(truth), truth)
@@ -130,7 +130,7 @@ def test_smoothness_takes_jitter_out_and_comes_nearer(model: FaceModel) -> None:
     truth = performed(model, 45)
     noisy = tracked(model, truth, noise_px=1.5)
     smooth, ahead_not, rough = (
-        follow(model, noisy, smoothness=weight, look_ahead=ahead).coefficients
+        solve_trajectories(model, noisy, smoothness=weight, look_ahead=ahead).coefficients
         for weight, ahead in ((1.0, True), (0.1, False), (0.0, True))
     )
     assert jerk(model, smooth) < 0.3 * jerk(model, rough)
@@ -141,7 +141,7 @@ def test_smoothness_takes_jitter_out_and_comes_nearer(model: FaceModel) -> None:
 def test_all_poses_together_are_at_a_minimum(model: FaceModel) -> None:
     poses = performed(model, 12)
     tracks = tracked(model, poses, noise_px=1.5)
-    rows, neutral = model.rows_at(tracks.points)
+    rows, neutral = model.jacobian_at(tracks.points)
     problems = [
         PoseProblem(model, [], extra_terms=[TrackTerm(rows, neutral, targets, np.ones(len(SEVEN)), tracks.camera)])
         for targets in tracks.positions
@@ -166,10 +166,10 @@ def test_all_poses_together_are_at_a_minimum(model: FaceModel) -> None:
 
 def test_a_long_take_in_parts_is_as_good_as_in_one(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
     tracks = tracked(model, performed(model, 70), noise_px=1.5)
-    whole = follow(model, tracks).coefficients
+    whole = solve_trajectories(model, tracks).coefficients
     monkeypatch.setattr(following, "_WINDOW", 40)
     monkeypatch.setattr(following, "_OVERLAP", 20)
-    parts = follow(model, tracks).coefficients
+    parts = solve_trajectories(model, tracks).coefficients
     assert error(model, parts, whole) < 0.1 * error(model, np.zeros_like(whole), whole)
 
 
@@ -181,8 +181,8 @@ def test_points_that_are_not_seen_do_not_pull(model: FaceModel) -> None:
     positions[6, 4, 0] = np.nan
     gappy = replace(tracks, positions=positions)
     assert not gappy.seen[6, 4]
-    assert error(model, follow(model, gappy).coefficients, truth) < 1.2 * error(
-        model, follow(model, tracks).coefficients, truth
+    assert error(model, solve_trajectories(model, gappy).coefficients, truth) < 1.2 * error(
+        model, solve_trajectories(model, tracks).coefficients, truth
     )
 
 
@@ -192,25 +192,25 @@ def test_without_any_point_the_face_goes_from_the_pose_before_to_the_pose_after(
     positions = tracks.positions.copy()
     positions[12:28] = np.nan
     positions[36:] = np.nan
-    poses = follow(model, replace(tracks, positions=positions)).coefficients
+    poses = solve_trajectories(model, replace(tracks, positions=positions)).coefficients
     size = np.linalg.norm(vertices(model, poses), axis=2).mean(axis=1)
     assert (np.diff(size[10:30]) > 0).all()
     assert jerk(model, poses[10:30]) < 0.05
     assert size[39] == pytest.approx(size[35], rel=0.15)
-    blind = follow(model, replace(tracks, positions=np.full_like(positions, np.nan))).coefficients
+    blind = solve_trajectories(model, replace(tracks, positions=np.full_like(positions, np.nan))).coefficients
     np.testing.assert_allclose(blind, 0.0, atol=1e-6)
 
 
 def test_weights_and_further_constraints_count(model: FaceModel) -> None:
     tracks = tracked(model, performed(model, 16))
-    ignored = follow(model, replace(tracks, weights=np.zeros(len(SEVEN)))).coefficients
+    ignored = solve_trajectories(model, replace(tracks, weights=np.zeros(len(SEVEN)))).coefficients
     np.testing.assert_allclose(ignored, 0.0, atol=1e-6)
     brows = SurfacePoints.at_vertices(model.character.regions["brow_left"][::20])
     held = FixedConstraint(brows, weight=20.0).resolved(model, model.neutral())
-    free, fixed = (follow(model, tracks, constraints=extra).coefficients for extra in ((), (held,)))
+    free, fixed = (solve_trajectories(model, tracks, constraints=extra).coefficients for extra in ((), (held,)))
 
     def moved(poses: Array) -> float:
-        return float(np.linalg.norm(model.rows_at(brows)[0] @ poses[-1], axis=1).mean())
+        return float(np.linalg.norm(model.jacobian_at(brows)[0] @ poses[-1], axis=1).mean())
 
     assert moved(fixed) < 0.3 * moved(free)
 
@@ -218,11 +218,13 @@ def test_weights_and_further_constraints_count(model: FaceModel) -> None:
 def test_frames_are_told_in_order_and_it_stops_when_asked(model: FaceModel) -> None:
     tracks = tracked(model, performed(model, 10))
     told: list[int] = []
-    follow(model, tracks, progress=Progress(lambda stage, share: told.append(round(10 * share) - 1)))
+    solve_trajectories(model, tracks, progress=Progress(lambda stage, share: told.append(round(10 * share) - 1)))
     assert told == list(range(10))
     told.clear()
     with pytest.raises(CancelledError):
-        follow(model, tracks, progress=Progress(lambda stage, share: told.append(len(told)), lambda: len(told) == 4))
+        solve_trajectories(
+            model, tracks, progress=Progress(lambda stage, share: told.append(len(told)), lambda: len(told) == 4)
+        )
     assert told == list(range(4))
 
 
@@ -235,12 +237,12 @@ def test_stopping_while_all_are_made_smooth(model: FaceModel) -> None:
         return len(asked) > 3
 
     with pytest.raises(CancelledError):
-        follow(model, tracks, progress=Progress(cancelled=late))
+        solve_trajectories(model, tracks, progress=Progress(cancelled=late))
 
 
 def test_other_evidence_pulls_and_is_seen_by_the_prior(model: FaceModel) -> None:
     tracks = tracked(model, performed(model, 16))
-    rows, neutral = model.rows_at(tracks.points)
+    rows, neutral = model.jacobian_at(tracks.points)
     term = TrackTerm(rows, neutral, tracks.positions[15], np.ones(len(SEVEN)), tracks.camera)
     with_it, without = PoseProblem(model, [], extra_terms=[term]), PoseProblem(model, [])
     assert not np.allclose(with_it.mixture.covariances, without.mixture.covariances)
@@ -254,7 +256,7 @@ def test_how_a_face_came_to_a_pose_leaves_little_trace(model: FaceModel, monkeyp
     tracks = tracked(model, truth)
 
     def trace() -> float:
-        return error(model, follow(model, tracks).coefficients[-5:], truth[-5:])
+        return error(model, solve_trajectories(model, tracks).coefficients[-5:], truth[-5:])
 
     little = trace()
     monkeypatch.setattr(following, "_START_PRIOR", 0.0)
@@ -265,7 +267,7 @@ def test_how_a_face_came_to_a_pose_leaves_little_trace(model: FaceModel, monkeyp
 def test_no_prior_and_absurd_targets_still_give_a_face(model: FaceModel, weight: float) -> None:
     tracks = tracked(model, performed(model, 6))
     absurd = replace(tracks, positions=1e4 * tracks.positions, weights=np.full(len(SEVEN), 1e6))
-    poses = follow(model, absurd, prior_weight=weight, smoothness=1e6).coefficients
+    poses = solve_trajectories(model, absurd, prior_weight=weight, smoothness=1e6).coefficients
     assert np.isfinite(poses).all()
 
 
@@ -303,7 +305,7 @@ def test_a_point_held_beyond_its_range_does_not_wear_the_limits_down(model: Face
     here = camera.project(model.positions_at(points, model.neutral()))
     away = np.minimum(np.arange(60) / 20.0, 1.0)[:, None, None] * (0.0, -120.0)
     held = Trajectories(("brow",), points, here + away, 30.0, camera)
-    poses = follow(model, held, prior_weight=prior_weight).coefficients
+    poses = solve_trajectories(model, held, prior_weight=prior_weight).coefficients
     lower, upper = model.character.shape_limits.T
     weights = np.array([model.weights_of(pose) for pose in poses])
     beyond = np.maximum(lower - weights, weights - upper)[:, upper > lower].max(axis=1)

@@ -27,7 +27,7 @@ def face() -> Face:
 
 
 @pytest.fixture(autouse=True)
-def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def default_pose_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     return tmp_path / "data" / "faceposer" / "poses"
 
@@ -203,10 +203,10 @@ def test_the_name_of_a_whole_sets_both_halves(face: Face) -> None:
     assert face.weights["browInnerUpRight"] < 0.1
 
 
-def test_own_poses_go_round(face: Face, own_folder: Path) -> None:
+def test_own_poses_go_round(face: Face, default_pose_folder: Path) -> None:
     face.set_weights({"mouthSmileLeft": 0.7})
     path = face.save_pose("Half a smile")
-    assert path == own_folder / "half-a-smile.json"
+    assert path == default_pose_folder / "half-a-smile.json"
     with pytest.raises(faceposer.FacePoserError, match="already"):
         face.save_pose("Half a smile")
     other = faceposer.load("woman")
@@ -262,52 +262,55 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
         ("face.apply_pose('anger', 3.0)", "strength"),
         ("face.save('face.xyz')", "must end in one of"),
         ("face.save_pose(' ')", "name of a pose must be"),
-        ("face.remove(other)", "does not pull"),
+        ("face.remove(other)", "is not on this face"),
         ("setattr(face, 'prior_weight', -1.0)", "prior weight"),
-        ("setattr(face, 'prior_weight', None)", "The prior weight is a number"),
-        ("setattr(face, 'spread', True)", "The spread is a number from 0 to 1"),
-        ("face.set_distance('8.3', '8.4', 'x')", "The distance is a number"),
-        ("face.set_distance('8.3', '8.3', 5)", "between two places"),
-        ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, width='x')", "The width is a number"),
-        ("setattr(face, 'spread', 1.5)", "The spread is a number from 0 to 1, not 1.5"),
-        ("setattr(face, 'prior', 'none')", "The prior is one of"),
+        ("setattr(face, 'prior_weight', None)", "The prior weight must be a number"),
+        ("setattr(face, 'spread', True)", "The spread must be a number from 0 to 1"),
+        ("face.set_distance('8.3', '8.4', 'x')", "The distance must be a number"),
+        ("face.set_distance('8.3', '8.3', 5)", "between two different places"),
+        ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, width='x')", "The width must be a number"),
+        ("setattr(face, 'spread', 1.5)", "The spread must be a number from 0 to 1, not 1.5"),
+        ("setattr(face, 'prior', 'none')", "The prior must be one of"),
         ("face.set_distance('8.3', '8.4', nan)", "distance constraint.target must be a number"),
         ("face.set_distance('8.3', '8.4', -5)", "distance constraint.target must be a number"),
         ("face.drag('8.3', (1e15, 1))", "point constraint.target"),
-        ("face.drag('8.3', (1, 2), camera='front')", "A camera is what Face.camera()"),
+        ("face.drag('8.3', (1, 2), camera='front')", "A camera must be of the class that Face.camera()"),
         ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, width=0)", "stroke constraint.width"),
         ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, shape='x')", "stroke constraint.shape"),
         ("face.stroke([(480, 500)] * 2, [(480, 500)] * 2, energy='x')", "stroke constraint.energy"),
-        ("face.look(nan)", "An angle is a number"),
-        ("faceposer.load('creature').look(10)", "cannot be turned, because it has no eyeLook shapes"),
-        ("face.set_weights({'jawOpen': nan})", "weight of 'jawOpen' is a number"),
-        ("face.set_weights({'jawOpen': 1e300})", "weight of 'jawOpen' is a number"),
-        ("face.apply_pose('anger', regions=['nose'])", "A region is one of 'brows'"),
-        ("face.apply_pose('anger', side='up')", "A side is one of"),
-        ("face.apply_pose('anger', blend='mul')", "The blend is one of"),
-        ("face.mirror('up')", "is one of 'left', 'right'"),
-        ("face.camera('up')", "A view is one of 'front'"),
-        ("face.camera('front', (0, 5))", "The size of a picture"),
-        ("face.camera('front', (nan, 5))", "The size of a picture"),
-        ("face.render(size=(100000, 100000))", "The size of a picture"),
+        ("face.look(nan)", "An angle must be a number"),
+        ("faceposer.load('creature').look(10)", "cannot be turned, because the character has no eyeLook shapes"),
+        ("face.set_weights({'jawOpen': nan})", "weight of 'jawOpen' must be a number"),
+        ("face.set_weights({'jawOpen': 1e300})", "weight of 'jawOpen' must be a number"),
+        ("face.apply_pose('anger', regions=['nose'])", "A region must be one of 'brows'"),
+        ("face.apply_pose('anger', side='up')", "A side must be one of"),
+        ("face.apply_pose('anger', blend='mul')", "The blend must be one of"),
+        ("face.mirror('up')", "must be one of 'left', 'right'"),
+        ("face.camera('up')", "A view must be one of 'front'"),
+        ("face.camera('front', (0, 5))", "The size of an image"),
+        ("face.camera('front', (nan, 5))", "The size of an image"),
+        ("face.render(size=(100000, 100000))", "The size of an image"),
         ("face.render('face.jpg')", "must end in '.png'"),
-        ("face.render(shading='x')", "The shading is one of"),
+        ("face.render(shading='x')", "The shading must be one of"),
         ("face.pixel(SurfacePoint(10**8, (1.0, 0.0, 0.0)))", "The place is not on 'Man'"),
-        ("face.set_key(-1)", "A frame is a whole number"),
-        ("face.set_key(1.5)", "A frame is a whole number"),
-        ("face.set_key('a')", "A frame is a whole number"),
-        ("face.play(Performance(np.zeros((2, 3)), 30.0))", "it is of another face"),
-        ("face.play(np.zeros((2, 3)))", "A motion is a Performance"),
-        ("face.export('face.glb', Performance(np.zeros((2, 3)), 30.0))", "it is of another face"),
-        ("face.export('face.gif', turn=nan)", "seconds of a turn"),
-        ("face.export('face.obj', turn=3)", "turns in films"),
-        ("face.export('face.gif', transparent=True)", "GIF cannot leave the background out; write .png"),
-        ("face.export_sequence('face', 'gif')", "The kind of a sequence is one of 'obj', 'ply', 'png'"),
+        ("face.set_key(-1)", "A frame must be a whole number"),
+        ("face.set_key(1.5)", "A frame must be a whole number"),
+        ("face.set_key('a')", "A frame must be a whole number"),
+        ("face.play(Performance(np.zeros((2, 3)), 30.0))", "transfer the motion of another face"),
+        ("face.play(np.zeros((2, 3)))", "A motion must be a Performance"),
+        ("face.export('face.glb', Performance(np.zeros((2, 3)), 30.0))", "transfer the motion of another face"),
+        ("face.export('face.gif', turn=nan)", "duration of a turn"),
+        ("face.export('face.obj', turn=3)", "turns in videos only"),
+        ("face.export('face.gif', transparent=True)", "GIF cannot have a transparent background; write .png"),
+        ("face.export_sequence('face', 'gif')", "The kind of a sequence must be one of 'obj', 'ply', 'png'"),
         ("face.export_sequence('face')", "The face has no animation"),
-        ("face.export_sequence('face', 'png', Performance(np.zeros((2, 3)), 30.0))", "it is of another face"),
-        ("face.follow('none.csv', smoothness=-1)", "The smoothness is a number"),
-        ("face.transfer_to('woman', method='x')", "The method is one of"),
-        ("face.transfer_to('woman', pairs=['8.3'])", "Pairs are"),
+        (
+            "face.export_sequence('face', 'png', Performance(np.zeros((2, 3)), 30.0))",
+            "transfer the motion of another face",
+        ),
+        ("face.follow('none.csv', smoothness=-1)", "The smoothness must be a number"),
+        ("face.transfer_to('woman', method='x')", "The method must be one of"),
+        ("face.transfer_to('woman', pairs=['8.3'])", "Pairs must be"),
     ],
 )
 def test_errors_are_one_sentence_and_nothing_is_left(

@@ -38,10 +38,8 @@ def test_a_table_of_pixels_becomes_an_animation(jaw: Path, tmp_path: Path, capsy
     out = tmp_path / "jaw.json"
     assert run("animate", "man", jaw, "--camera", tmp_path / "camera.json", "-o", out) == 0
     said = capsys.readouterr()
-    assert re.search(
-        r"15 frames at 30 per second, points 0\.[1-5] px off on average, 1 of them without any point", said.out
-    )
-    assert "jumps left out: 1" in said.out
+    assert re.search(r"15 frames at 30 fps, mean error 0\.[1-5] px, 1 of them without points", said.out)
+    assert "jumps removed: 1" in said.out
     assert said.err == ""
     data = json.loads(out.read_text())
     assert data["rate"] == 30.0
@@ -53,13 +51,13 @@ def test_a_table_of_pixels_becomes_an_animation(jaw: Path, tmp_path: Path, capsy
 
 def test_options_reach_the_solver(jaw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, object] = {}
-    follow = following.follow
+    solve = following.solve_trajectories
 
     def watched(model: FaceModel, trajectories: object, **options: object) -> object:
         asked.update(options, trajectories=trajectories)
-        return follow(model, trajectories, **options)
+        return solve(model, trajectories, **options)
 
-    monkeypatch.setattr(following, "follow", watched)
+    monkeypatch.setattr(following, "solve_trajectories", watched)
     words = ["--camera", tmp_path / "camera.json", "--points", "8.4, 2.10", "--rate", "60", "--keep-jumps"]
     words += [
         "--smoothness",

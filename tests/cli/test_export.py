@@ -58,7 +58,7 @@ def test_a_session_goes_out_in_every_format(low: FaceModel, session: Path, tmp_p
 @pytest.mark.gl
 def test_an_animation_goes_out_at_another_rate(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run("export", "low", "--animation", take, "--fps", 10, "-o", tmp_path / "a.json") == 0
-    assert "16 frames at 30 a second." in capsys.readouterr().out
+    assert "16 frames at 30 fps." in capsys.readouterr().out
     data = json.loads((tmp_path / "a.json").read_text())
     assert (data["rate"], len(data["frames"])) == (10, 6)
     assert run("export", "low", "--animation", take, "--fps", 8, "--size", "48x48", "-o", tmp_path / "a.gif") == 0
@@ -76,9 +76,9 @@ def test_what_the_timeline_of_a_session_plays_goes_out(
 ) -> None:
     keys, jaw = tmp_path / "keys.json", low.coefficients_of({"jawOpen": 1.0})
     keyframes = Keyframes((Key.of(0, 0.0 * jaw), Key.of(10, jaw)), 24.0, 13)
-    write_document(keys, Document("low", keyframes=keyframes, frame=10, animated=True).starting_from(jaw).posed(jaw))
+    write_document(keys, Document("low", keyframes=keyframes, frame=10, animated=True).with_start(jaw).posed(jaw))
     assert run("export", keys, "-o", tmp_path / "a.json") == 0
-    assert "13 frames at 24 a second" in capsys.readouterr().out
+    assert "13 frames at 24 fps" in capsys.readouterr().out
     data = json.loads((tmp_path / "a.json").read_text())
     opening = [frame[data["names"].index("jawOpen")] for frame in data["frames"]]
     assert (data["rate"], len(opening)) == (24, 13)
@@ -98,7 +98,7 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
     assert run("export", "low", "--pose", take, "--frame", 16, "-o", tmp_path / "a.obj") == 0
     assert "Frame 16 of 16." in capsys.readouterr().out
     assert run("export", "low", "--pose", tmp_path / "a.obj", "-o", tmp_path / "b.csv") == 0
-    assert "The pose is that of the mesh." in capsys.readouterr().out
+    assert "The pose matches the mesh exactly." in capsys.readouterr().out
     back = read_capture(tmp_path / "b.csv")
     assert back.weights[0, back.shape_names.index("jawOpen")] == pytest.approx(1.0, abs=0.02)
 
@@ -108,26 +108,26 @@ def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, ca
     [
         (("low", "-o", "{out}/a.fbx"), "must end in one of .glb, .obj, .ply"),
         (("low", "-o", "{out}/none/a.glb"), "does not exist"),
-        (("low", "-o", "{out}/a.obj", "--frame", "2"), "give that, too"),
+        (("low", "-o", "{out}/a.obj", "--frame", "2"), "give --pose as well"),
         (("low", "-o", "{out}/a", "--sequence", "obj"), "'low' has none; give one with --animation"),
         (("low", "-o", "{out}/a", "--sequence", "obj", "--pose", "{take}"), "leave out --pose and --still"),
         (("low", "-o", "{out}/none/a", "--sequence", "obj", "--animation", "{take}"), "does not exist"),
         (("low", "-o", "{out}/a.obj", "--animation", "{take}"), "--sequence obj"),
-        (("low", "-o", "{out}/a.png", "--animation", "{take}"), "shows one pose"),
-        (("low", "-o", "{out}/a.glb", "--turntable", "3"), "--turntable is for films"),
-        (("low", "-o", "{out}/a.gif", "--transparent"), "--transparent is for pictures; let the output end in .png"),
-        (("low", "-o", "{out}/a", "--sequence", "ply", "--transparent"), "write --sequence png"),
-        (("low", "-o", "{out}/a", "--sequence", "gif"), "--sequence takes obj, ply, png, and not 'gif'"),
-        (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--frame", "17"), "frames 1 to 16, and not frame 17"),
+        (("low", "-o", "{out}/a.png", "--animation", "{take}"), "shows a single pose"),
+        (("low", "-o", "{out}/a.glb", "--turntable", "3"), "--turntable applies to videos only"),
+        (("low", "-o", "{out}/a.gif", "--transparent"), "applies to images only; use an output that ends in .png"),
+        (("low", "-o", "{out}/a", "--sequence", "ply", "--transparent"), "use --sequence png"),
+        (("low", "-o", "{out}/a", "--sequence", "gif"), "--sequence takes obj, ply, png, not 'gif'"),
+        (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--frame", "17"), "frames 1 to 16, but no frame 17"),
         (("low", "-o", "{take}", "--pose", "{take}"), "is also an input"),
         (("low", "-o", "{out}/a.glb", "--pose", "{out}/none.obj"), "cannot be read"),
         (("low", "-o", "{out}/a.glb", "--animation", "{out}/none.csv"), "cannot be read"),
-        (("man", "-o", "{out}/a.glb", "--pose", "{out}/three.obj"), "has 3 vertices, and Man has 2"),
+        (("man", "-o", "{out}/a.glb", "--pose", "{out}/three.obj"), "has 3 vertices, but Man has 2"),
         (("low", "-o", "{out}/a.glb", "--pose", "{take}", "--animation", "{take}"), "not allowed with"),
         (("low", "-o", "{out}/a.gif", "--fps", "0"), "not a number of frames per second"),
         (("low", "-o", "{out}/a.gif", "--turntable", "nan"), "not a number of seconds"),
         (("low", "-o", "{out}/a.png", "--size", "2x2"), "not a size such as"),
-        (("low", "-o", "{out}/a.png", "--pose", "{take}", "--frame", "0"), "not the number of a frame"),
+        (("low", "-o", "{out}/a.png", "--pose", "{take}", "--frame", "0"), "not a frame number"),
         (("nobody", "-o", "{out}/a.glb"), "is neither a character"),
         (("low",), "required: -o/--output"),
     ],

@@ -69,14 +69,14 @@ def test_photo_refuses_in_one_sentence_and_writes_nothing(
     cut.write_bytes(cut.read_bytes()[:-9000])
     out, before = tmp_path / "out.json", (photo.read_bytes(), pins.read_bytes())
     for arguments, words in (
-        (("man", photo, "--pins", few, "-o", out), "its camera takes 4"),
+        (("man", photo, "--pins", few, "-o", out), "aligning the camera needs at least 4"),
         (("man", tmp_path / "none.jpg", "--pins", pins, "-o", out), "There is no photo"),
         (("man", photo, "--pins", tmp_path / "none.json", "-o", out), "cannot be read"),
         (("man", photo, "--pins", pins, "-o", out, "--focal", -3), "focal length"),
         (("nobody", photo, "--pins", pins, "-o", out), "neither a character"),
         (("man", photo, "--pins", pins, "-o", pins), "is also an input"),
         (("man", photo, "--pins", pins, "-o", out, "--render", photo), "is also an input"),
-        (("man", photo, "--pins", outside, "-o", out), "pins[1] at (401, 20), outside of the photo of 400 x 300"),
+        (("man", photo, "--pins", outside, "-o", out), "pins[1] is at (401, 20), outside the photo of 400 x 300"),
         (("man", cut, "--pins", pins, "-o", out), "cut.jpg' cannot be read"),
     ):
         assert run("photo", *arguments) == 2
@@ -91,10 +91,10 @@ def test_pins_that_no_view_shows_are_told(files: tuple[Path, Path], tmp_path: Pa
     photo, pins = files
     out = tmp_path / "out.json"
     assert run("photo", "man", photo, "--pins", pins, "-o", out) == 0
-    assert "No view of the face" not in capsys.readouterr().out
+    assert "No camera explains" not in capsys.readouterr().out
     data = json.loads(pins.read_text())
     turned = [pin["pixel"] for pin in data["pins"]][::-1]
     shuffled = [pin | {"pixel": pixel} for pin, pixel in zip(data["pins"], turned, strict=True)]
     pins.write_text(json.dumps(data | {"pins": shuffled}))
     assert run("photo", "man", photo, "--pins", pins, "-o", out) == 0
-    assert "No view of the face shows these pins" in capsys.readouterr().out
+    assert "No camera explains these pins" in capsys.readouterr().out

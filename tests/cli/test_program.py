@@ -11,6 +11,7 @@ from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.picking import SurfacePoint, surface_positions
 from faceposer.model.face_model import FaceModel
+from faceposer.session import solver_worker
 from faceposer.session.document import Document, write_document
 from faceposer.solve.constraints.point import PointConstraint
 from tests.command_line import run
@@ -54,6 +55,17 @@ def test_solve_writes_the_mesh_and_the_report(model: FaceModel, smile: Path, tmp
     height = np.ptp(model.character.vertices[:, 1])
     assert np.abs(read_mesh(mesh_path).vertices - expected).max() < 1e-5 * height
     assert "smile.obj written" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("constrained", [True, False])
+def test_solve_solves_once(smile: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, constrained: bool) -> None:
+    solves = []
+    run_job = solver_worker.run_job
+    monkeypatch.setattr(solver_worker, "run_job", lambda *given: (solves.append(given), run_job(*given))[1])
+    if not constrained:
+        write_document(smile, Document("man"))
+    assert run("solve", smile, "-o", tmp_path / "smile.obj") == 0
+    assert len(solves) == 1
 
 
 def test_the_spread_can_be_given_and_is_checked(smile: Path, tmp_path: Path, capsys: Capture) -> None:

@@ -21,7 +21,7 @@ SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
 def smile(tmp_path: Path, model: FaceModel) -> Path:
     path = tmp_path / "smile.json"
     pose = model.coefficients_of(SMILE)
-    write_document(path, Document("man").starting_from(pose).posed(pose))
+    write_document(path, Document("man").with_start(pose).posed(pose))
     return path
 
 
@@ -78,7 +78,7 @@ def test_a_session_goes_over_with_all_its_keys(tmp_path: Path, model: FaceModel)
         "man", prior_weight=2.0, keyframes=Keyframes(keys, 24.0, 25, loop=True), frame=12, animated=True
     )
     pose = keys[1].pose
-    write_document(source, document.starting_from(pose).posed(pose))
+    write_document(source, document.with_start(pose).posed(pose))
 
     assert run("transfer", source, "low", "-o", out) == 0
     session = open_session(str(out))
@@ -136,9 +136,9 @@ def test_the_pairs_of_a_file_are_those_that_count(tmp_path: Path, smile: Path) -
         (("smile.json", "low", "-o", "o.json", "--pairs", "paper", "--method", "weights"), "leave out --pairs"),
         (("smile.json", "low", "-o", "o.fbx"), "must end in one of .glb, .obj, "),
         (("smile.json", "nobody", "-o", "o.json"), "no character 'nobody'"),
-        (("smile.png", "low", "-o", "o.json"), "neither a session"),
+        (("smile.png", "low", "-o", "o.json"), "not a supported source"),
         (("none.json", "low", "-o", "o.json"), "cannot be read"),
-        (("take.csv", "low", "-o", "o.obj"), "has 8 frames, and '.obj' holds one"),
+        (("take.csv", "low", "-o", "o.obj"), "has 8 frames, but a '.obj' file holds one"),
         (("take.csv", "low", "-o", "o.json", "--frames", "99"), "has 8 frames, none"),
         (("take.csv", "low", "-o", "o.json", "--from", "creature"), "has none of the shapes"),
         (("bad.json", "low", "-o", "o.json"), "'bad.json'"),

@@ -91,9 +91,9 @@ def test_what_a_character_has_no_place_for_is_left_out_with_a_sentence(
     words = ("--methods", "bounded-weights", "--counts", "point=2,500", "distance=4", "stroke=300")
     status, _, err = study(capsys, tmp_path, path, *words, "--region-counts", "point=4", "distance=2", "stroke=300")
     assert status == 0, err
-    sentences = [line for line in err.splitlines() if line.startswith("'foreign' has no place for")]
+    sentences = [line for line in err.splitlines() if line.startswith("'foreign' has too few ")]
     assert len(sentences) == 3
-    assert any("500 points: of vertices to choose from there are" in line for line in sentences)
+    assert any("too few vertices for 500 points: " in line for line in sentences)
     assert any("4 points within the lids" in line for line in sentences)
     assert any("2 distances within the lids" in line for line in sentences)
     rows = json.loads((tmp_path / "study" / "results.json").read_text())["rows"]
@@ -114,7 +114,7 @@ def test_strokes_alone_on_a_face_without_lines_are_refused(tmp_path: Path, capsy
     for words in (("--kinds", "stroke"), ("--kinds", "stroke", "--tune")):
         status, out, err = study(capsys, tmp_path, path, "--methods", "bounded-weights", *words)
         assert (status, out) == (2, "")
-        assert "'foreign' shows no line that strokes could be drawn along" in err
+        assert "'foreign' has no feature points for a stroke" in err
         assert err.count("\n") == 1
 
 
@@ -134,7 +134,7 @@ def test_an_imported_rig_is_studied(name: str, tmp_path: Path, capsys: pytest.Ca
     assert {row["method"] for row in rows} == set(METHODS_OF_ALL_KINDS.split(","))
     # The made-up performance never blinks.
     assert {row.get("region") for row in rows} == {None, "brows", "midface", "mouth"}
-    assert "No frame to test on moves enough for: 1 point within the lids" in err
+    assert "No frame of the takes to test on moves enough for: 1 point within the lids" in err
     of_bounded = [row for row in rows if row["method"] == "bounded-weights" and "region" not in row]
     assert {row["constraint"] for row in of_bounded} == {"point", "distance", "stroke"}
     assert all(row["error_3d_relative"] < 1.0 for row in of_bounded if row["count"] > 1)

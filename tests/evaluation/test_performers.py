@@ -107,8 +107,8 @@ def test_a_study_of_performers_goes_on_where_it_was_stopped(
     (tmp_path / "cleo" / "trials.jsonl").write_bytes(b"".join(logs["cleo"].splitlines(keepends=True)[:2]))
     status, _, err = run(capsys, *words)
     assert status == 0
-    assert [line for line in err.splitlines() if "learn" in line] == [
-        "cleo left out: the techniques learn, about a minute"
+    assert [line for line in err.splitlines() if "Training" in line] == [
+        "cleo left out: Training the techniques, about a minute"
     ]
     after = json.loads((tmp_path / "results.json").read_text())["rows"]
     assert [{k: v for k, v in row.items() if not k.startswith("ms")} for row in after] == [
@@ -125,17 +125,26 @@ def test_a_study_of_performers_goes_on_where_it_was_stopped(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--performer", "anna"), "does not say who and which takes"),
-        (("--performer", "anna="), "does not say who and which takes"),
-        (("--performer", "anna=a.csv"), "leaves nobody to learn from"),
+        (("--performer", "anna"), "must have the form NAME=CSV,CSV"),
+        (("--performer", "anna="), "must have the form NAME=CSV,CSV"),
+        (("--performer", "anna=a.csv"), "there is nobody to learn from"),
         (("--performer", "anna=a.csv", "--performer", "Anna=b.csv"), "two performers called 'anna'"),
         (("--performer", "anna=a.csv", "--performer", "ben=./a.csv"), "a take of anna and of ben"),
         (("--performer", "anna=a.csv", "--performer", "pooled=b.csv"), "cannot be the name of a performer"),
         (("--performer", "anna=a.csv", "--performer", "../ben=b.csv"), "cannot be the name of a performer"),
         (("--performer", "anna=a.csv", "--performer", "ben=b.csv"), "'b.csv' cannot be read"),
-        (("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--fold"), "--fold and --performer are two ways"),
-        (("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--tune"), "--tune and --performer are two ways"),
-        (("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--capture", "c.csv"), "--capture and --performer"),
+        (
+            ("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--fold"),
+            "--fold cannot be combined with --performer",
+        ),
+        (
+            ("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--tune"),
+            "--tune cannot be combined with --performer",
+        ),
+        (
+            ("--performer", "anna=a.csv", "--performer", "ben=b.csv", "--capture", "c.csv"),
+            "--capture cannot be combined",
+        ),
     ],
 )
 def test_performers_that_cannot_be_left_out_are_refused_in_a_sentence(

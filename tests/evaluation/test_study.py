@@ -15,7 +15,7 @@ from faceposer.evaluation.methods.gaussian import Ppca
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.plan import Plan, Task, known_methods
 from faceposer.evaluation.rows import rows_of
-from faceposer.evaluation.running import Bench, Done
+from faceposer.evaluation.running import TaskResult, TrialRunner
 from faceposer.evaluation.takes import Source, frames_a_second, steady
 from faceposer.evaluation.trials import Cell
 from faceposer.evaluation.tuning import end_warning, search
@@ -80,7 +80,7 @@ def test_a_study_leaves_rows_tables_and_figures(
     words = ("--trials", "3", "--counts", "point=2,4", "distance=4", "stroke=450", "--regions", "mouth")
     words += ("--region-counts", "distance=2", "stroke=300")
     status, out, err = run(capsys, *given(takes, folder), *words)
-    assert (status, err.splitlines()[-1]) == (0, "all trials are done")
+    assert (status, err.splitlines()[-1]) == (0, "All trials are done.")
     assert "**" in out
     about = results(folder)
     rows = about["rows"]
@@ -142,18 +142,18 @@ def test_a_study_that_is_stopped_keeps_what_is_done(
     takes: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     words = (*given(takes, tmp_path), *SMALL, "--no-figures")
-    real = Bench.run
+    real = TrialRunner.run
 
-    def stopped(bench: Bench, task: Task) -> Done:
+    def stopped(bench: TrialRunner, task: Task) -> TaskResult:
         if task.cell.count == 8:
             raise KeyboardInterrupt
         return real(bench, task)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Bench, "run", stopped)
+        patch.setattr(TrialRunner, "run", stopped)
         status, _, err = run(capsys, *words)
     assert status == 130
-    assert "the same command goes on" in err
+    assert "repeat the command to continue" in err
     kept = (tmp_path / "trials.jsonl").read_bytes()
     assert len(kept.splitlines()) == 3
     assert run(capsys, *words)[0] == 0
@@ -196,15 +196,15 @@ def test_a_damaged_line_is_named(takes: tuple[Path, Path], tmp_path: Path, capsy
     assert status == 2
     assert err.startswith(f"Line 2 of '{path}' is damaged")
     path.write_text("nonsense\n")
-    assert "is no file of trials" in run(capsys, *words)[2]
+    assert "is not a trial log" in run(capsys, *words)[2]
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (("--methods", "nothing"), "There is no technique 'nothing'"),
-        (("--kinds", "circle"), "'circle' is no kind of constraint"),
-        (("--counts", "4"), "does not say of which kind"),
+        (("--kinds", "circle"), "'circle' is not a kind of constraint"),
+        (("--counts", "4"), "must have the form KIND=N,N"),
         (("--regions", "ear"), "has no region 'ear'"),
         (("--noise", "-1"), "is not a number of pixels"),
         (("--capture-test", "missing.csv"), "'missing.csv' cannot be read"),
@@ -337,7 +337,7 @@ def test_tuning_tells_ends_of_grids_from_ends_of_what_there_is() -> None:
     assert found["parameters"]["energy"] == 1.0
     assert (found["at_end_of_grid"], found["at_natural_end"]) == (["prior_weight"], ["energy"])
     assert end_warning("ppca", found) == (
-        "ppca: prior_weight=8 at the end of the grid, beyond which there may be better; offer wider ones."
+        "ppca: prior_weight=8 at the end of the grid; better values may be beyond it, so widen the grid."
     )
     # What is better by less than is worth a word is no reason to go to the end.
     found = search(Ppca, lambda parameters: 1.0 - 1e-6 * parameters["prior_weight"])

@@ -13,7 +13,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.files import atomic
-from faceposer.files.atomic import atomic_file, atomic_folder, check_apart, check_output, write_text
+from faceposer.files.atomic import atomic_file, atomic_folder, check_not_input, check_output, write_text
 
 
 def names(folder: Path) -> list[str]:
@@ -397,14 +397,14 @@ def test_where_processes_cannot_be_asked_for_nothing_is_removed(
 
 def test_an_output_is_no_input(tmp_path: Path) -> None:
     path, link = tmp_path / "a.obj", tmp_path / "b.obj"
-    check_apart(path, path)
-    check_apart(None, path)
+    check_not_input(path, path)
+    check_not_input(None, path)
     path.write_text("v")
     link.hardlink_to(path)
     for source in (path, str(path), link):
         with pytest.raises(FacePoserError, match="give the output another name"):
-            check_apart(path, None, source)
-    check_apart(path, tmp_path / "missing.obj", None)
+            check_not_input(path, None, source)
+    check_not_input(path, tmp_path / "missing.obj", None)
 
 
 def test_outputs_that_could_not_be_written(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, field
 from faceposer.errors import FacePoserError
 from faceposer.files import json_documents
 from faceposer.files.json_documents import (
-    DEEPEST,
+    MAX_DEPTH,
     JsonDocument,
     JsonError,
     JsonObject,
@@ -206,17 +206,17 @@ def test_what_is_no_json_is_refused(tmp_path: Path, content: bytes, said: str) -
 def test_depth_is_bounded_before_parsing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.json"
     text = '"]{\\"[\\\\"'
-    path.write_text("[" * DEEPEST + text + "]" * DEEPEST)
+    path.write_text("[" * MAX_DEPTH + text + "]" * MAX_DEPTH)
     data = read_json(path, "session", parsed)
-    for _ in range(DEEPEST):
+    for _ in range(MAX_DEPTH):
         (data,) = data
     assert data == json.loads(text)
     path.write_text(f'{{"{"[" * 1000}": "{"{" * 1000}"}}')
     assert list(read_json(path, "session", parsed)) == ["[" * 1000]
     monkeypatch.setattr(json_documents.json, "loads", lambda *_, **__: pytest.fail("it is parsed"))
-    path.write_text("[" * (DEEPEST + 1) + "]" * (DEEPEST + 1))
+    path.write_text("[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1))
     assert "nested too deeply" in refused(path)
-    path.write_text('["\\\\", ' + "[" * DEEPEST + "]" * DEEPEST + "]")
+    path.write_text('["\\\\", ' + "[" * MAX_DEPTH + "]" * MAX_DEPTH + "]")
     assert "nested too deeply" in refused(path)
 
 

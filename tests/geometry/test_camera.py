@@ -90,7 +90,7 @@ def test_impossible_cameras_are_refused(rotation: np.ndarray, focal: float) -> N
 def test_a_view_is_found_again_from_its_camera() -> None:
     view = OrbitView((0.5, -1.0, 0.2), 0.7, -0.4, 80.0)
     camera = view.camera((900, 700))
-    again = OrbitView.of_camera(camera, (1.0, 0.0, 0.0))
+    again = OrbitView.from_camera(camera, (1.0, 0.0, 0.0))
     np.testing.assert_allclose(again.camera((900, 700)).project(np.eye(3)), camera.project(np.eye(3)), atol=1e-6)
     assert (again.yaw, again.pitch) == pytest.approx((0.7, -0.4))
     assert camera.transferred((10.0, 20.0), again.camera((900, 700))) == pytest.approx((10.0, 20.0))

@@ -24,7 +24,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(1000, 760), folder=str(tmp_path)))
     monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
     )
     yield Robot(app)
     if app._window is not None:

@@ -152,7 +152,7 @@ def test_what_holds_it_back_is_named_by_its_noun(robot: Robot) -> None:
     other = MidpointConstraint(first.anchors, (first.target[0], first.target[1] - 60.0), first.camera)
     app.session.add_constraint(other, "Set a midpoint")
     robot.frames(2)
-    assert "Fights with middle of mouth height (midpoint)." in app.drawn_constraints.conflicts.values()
+    assert "Conflicts with middle of mouth height (midpoint)." in app.drawn_constraints.conflicts.values()
 
 
 def test_a_session_with_it_opens_and_is_saved(robot: Robot, tmp_path: Path) -> None:

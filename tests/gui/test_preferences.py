@@ -111,12 +111,23 @@ def test_a_key_is_changed_by_pressing_it(robot: Robot) -> None:
     assert "Ctrl+Shift+W" in app.actions["wireframe"].tooltip
 
 
+def test_hints_name_the_keys_of_the_keymap(robot: Robot) -> None:
+    actions = robot.app.actions
+    hint = "Click: a point   ·   Enter: accept   ·   Ctrl: release   ·   [ ]: brush width   ·   Esc: cancel"
+    assert actions.with_current_keys(hint) == hint
+    actions.change_keys("apply", ("F9",))
+    actions.change_keys("brush-wider", ("F10",))
+    actions.change_keys("cancel", ())
+    changed = "Click: a point   ·   F9: accept   ·   Ctrl: release   ·   [ F10: brush width"
+    assert actions.with_current_keys(hint) == changed
+
+
 def test_a_key_that_another_action_has_is_refused_with_its_name(robot: Robot) -> None:
     app = robot.app
     feature = open_dialog(robot)
     feature.capture("wireframe")
     robot.key("S")
-    assert feature.problem == "S is the key of Stroke."
+    assert feature.problem == "S is already the key of Stroke."
     assert app.actions["wireframe"].keys == ("W",)
     assert app.toolbox.chosen.name == "point", "a captured key does nothing else"
     feature.capture("wireframe")
@@ -145,7 +156,7 @@ def test_comparing_by_holding_follows_its_key(robot: Robot) -> None:
 
 @pytest.mark.parametrize("key", ["", "Meta+K", "Ctrl+"])
 def test_what_is_no_key_is_refused(robot: Robot, key: str) -> None:
-    with pytest.raises(FacePoserError, match="no key"):
+    with pytest.raises(FacePoserError, match="not a key"):
         robot.app.actions.change_keys("wireframe", (key,))
 
 

@@ -10,10 +10,9 @@ from faceposer.gui.app import App
 from faceposer.gui.commands import about_text
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
-from faceposer.gui.panels.constraints import EMPTY_TEXTS
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.gui.widgets.text import broken, shortened
+from faceposer.gui.widgets.text import shortened, wrapped
 from faceposer.interchange.formats import FORMATS
 
 pytestmark = pytest.mark.gl
@@ -28,7 +27,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(1100, 900), folder=str(tmp_path)))
     monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
     )
     yield Robot(app)
     app.close()
@@ -51,13 +50,13 @@ def test_what_is_too_long_loses_its_middle(width: int) -> None:
 
 def test_lines_hold_all_words_where_there_is_room() -> None:
     text = "inner end of the left brow"
-    assert broken(text, 30, measure=letters) == [text]
-    assert broken(text, 14, measure=letters) == ["inner end of", "the left brow"]
-    lines = broken(f"{text} to the middle of the outer upper lip", 14, measure=letters)
+    assert wrapped(text, 30, measure=letters) == [text]
+    assert wrapped(text, 14, measure=letters) == ["inner end of", "the left brow"]
+    lines = wrapped(f"{text} to the middle of the outer upper lip", 14, measure=letters)
     assert len(lines) == 2
     assert "..." in lines[1]
     assert all(len(line) <= 14 for line in lines)
-    assert broken("", 14, measure=letters) == [""]
+    assert wrapped("", 14, measure=letters) == [""]
 
 
 def test_every_name_of_a_place_is_whole_in_the_list(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,13 +117,14 @@ def test_the_empty_list_speaks_of_the_tool(robot: Robot, monkeypatch: pytest.Mon
     said: list[str] = []
     wrapped = imgui.text_wrapped
     monkeypatch.setattr(imgui, "text_wrapped", lambda text: (said.append(text), wrapped(text))[1])
-    assert set(EMPTY_TEXTS) == {*app.toolbox.tools, "photo"}
-    assert len(set(EMPTY_TEXTS.values())) == len(EMPTY_TEXTS)
+    texts = {name: tool.empty_text for name, tool in app.toolbox.tools.items()}
+    assert all(texts.values())
+    assert len({*texts.values(), app.toolbox.photo_tool.empty_text}) == len(texts) + 1
     for tool in app.toolbox.tools:
         app.toolbox.choose(tool)
         said.clear()
         robot.frames(1)
-        assert EMPTY_TEXTS[tool] in said
+        assert texts[tool] in said
 
 
 def test_about_has_version_and_licence() -> None:

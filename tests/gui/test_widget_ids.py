@@ -47,7 +47,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ids: WidgetIds) -> It
     settings = Settings(window_size=(1360, 1000), folder=str(tmp_path), poses_folder=str(tmp_path / "poses"))
     app = App("man", hidden=True, threaded=False, settings=settings)
     monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
     )
     vars(app.scene)["portrait"] = lambda _, camera, __: np.zeros((*camera.size, 3), dtype=np.uint8)
     yield Robot(app)

@@ -104,7 +104,7 @@ def test_names_are_understood_however_they_are_spelled(low: FaceModel, tmp_path:
     ("times", "weights", "said"),
     [
         ([0.0, 0.1], [0.0, 0.0, 1.0], "3 weights for 2 key frames of 2 morph targets"),
-        ([0.1, 0.0], [0.0] * 4, "do not rise"),
+        ([0.1, 0.0], [0.0] * 4, "are not increasing"),
         ([0.0, 0.1], [0.0, 0.0, 1.0, float("nan")], "not finite"),
         ([0.0, 0.001, 1e8], [0.0] * 6, "frames, more than"),
     ],

@@ -41,7 +41,7 @@ def test_it_is_unknown_before_and_after(low: FaceModel, tmp_path: Path) -> None:
     known = dict(FORMATS)
     with registered_formats():
         write(tmp_path / "a.xyz", low, low.neutral())
-        with pytest.raises(ValueError, match=r"'\.xyz' is no new suffix"):
+        with pytest.raises(ValueError, match=r"'\.xyz' is not a new, lower-case suffix"):
             register(CLOUD)
     assert known == FORMATS
     assert list(known) == list(FORMATS)
@@ -116,5 +116,5 @@ def test_python_writes_it(tmp_path: Path) -> None:
     assert (tmp_path / "b.xyz").read_bytes() == (tmp_path / "a.xyz").read_bytes()
     face.export(tmp_path / "a.flip", turn=2.0)
     assert (tmp_path / "a.flip").read_text() == "frames 1 turn 2 size 640x640\n"
-    with pytest.raises(FacePoserError, match="turns in films"):
+    with pytest.raises(FacePoserError, match="turns in videos only"):
         face.export(tmp_path / "c.xyz", turn=2.0)

@@ -39,7 +39,7 @@ def test_an_exported_mesh_is_its_pose(suffix: str, low: FaceModel, performance: 
     write(tmp_path / f"a{suffix}", low, pose, OutputOptions(contact=False))
     read = read_pose(tmp_path / f"a{suffix}", low)
     assert distance(low, read.coefficients, pose) < 1e-4
-    assert read.note == "The pose is that of the mesh."
+    assert read.note == "The pose matches the mesh exactly."
 
 
 def test_a_mesh_goes_through_the_unit_and_axes_of_its_origin(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_what_the_face_cannot_do_is_told_in_millimetres(low: FaceModel, tmp_path
     write_obj(tmp_path / "a.obj", bumped, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
     assert distance(low, read.coefficients, pose) < 0.3
-    most = float(read.note.split("at most ")[1].split(" mm")[0])
+    most = float(read.note.split("maximum ")[1].split(" mm")[0])
     assert 15.0 < most < 20.5
 
 
@@ -78,7 +78,7 @@ def test_the_pose_is_the_nearest_in_least_squares(low: FaceModel, tmp_path: Path
 def test_a_mesh_of_another_topology_is_told_with_both_counts(low: FaceModel, model: FaceModel, tmp_path: Path) -> None:
     write_posed_ply(tmp_path / "low.ply", low, low.neutral())
     few, many = len(low.character.vertices), len(model.character.vertices)
-    with pytest.raises(FacePoserError, match=rf"has {few} vertices, and Man has {many}"):
+    with pytest.raises(FacePoserError, match=rf"has {few} vertices, but Man has {many}"):
         read_pose(tmp_path / "low.ply", model)
 
 
@@ -87,7 +87,7 @@ def test_a_mesh_that_was_moved_turned_and_scaled_is_laid_back(low: FaceModel, tm
     moved = 0.01 * low.instance(pose).astype(np.float64) @ rotation(6).T + [4.0, -2.0, 1.0]
     write_obj(tmp_path / "a.obj", moved, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
-    assert read.note.endswith("The mesh was moved back onto the face.")
+    assert read.note.endswith("The mesh was aligned with the face.")
     assert distance(low, read.coefficients, pose) < 0.01
 
 
@@ -106,7 +106,7 @@ def test_a_mesh_that_is_no_pose_is_refused(
     spoil: Callable[[np.ndarray], np.ndarray], low: FaceModel, tmp_path: Path
 ) -> None:
     write_obj(tmp_path / "a.obj", spoil(low.character.vertices), low.character.polygons)
-    with pytest.raises(FacePoserError, match=r"is no pose of Low-poly head: its vertices are \d+ mm off"):
+    with pytest.raises(FacePoserError, match=r"is not a pose of Low-poly head: the mean error is \d+ mm"):
         read_pose(tmp_path / "a.obj", low)
 
 
@@ -128,7 +128,7 @@ def test_weights_are_the_performance_again(suffix: str, low: FaceModel, tmp_path
     third = read_pose(path, low, 2)
     np.testing.assert_array_equal(third.coefficients, read.performance.coefficients[2])
     assert third.note == "Frame 3 of 7."
-    with pytest.raises(FacePoserError, match="the frames 1 to 7, and not frame 8"):
+    with pytest.raises(FacePoserError, match="the frames 1 to 7, but no frame 8"):
         read_pose(path, low, 7)
 
 
@@ -178,7 +178,7 @@ def test_foreign_shapes_are_left_out_and_told(low: FaceModel, tmp_path: Path) ->
     data = {"format": "faceposer.weights", "version": 1, "names": ["jawOpen", "hat"], "frames": [[1.0, 3.0]]}
     (tmp_path / "a.json").write_text(json.dumps(data))
     read = read_pose(tmp_path / "a.json", low)
-    assert read.note == "1 of its 2 shapes are none of Low-poly head's and were left out."
+    assert read.note == "1 of its 2 shapes were ignored, because Low-poly head does not have them."
     assert distance(low, read.coefficients, low.coefficients_of({"jawOpen": 1.0})) < 1e-6
 
 
@@ -224,15 +224,15 @@ def test_what_is_no_json_gets_one_sentence(text: str, said: str, low: FaceModel,
 
 
 def test_other_files_get_one_sentence(low: FaceModel, tmp_path: Path) -> None:
-    with pytest.raises(FacePoserError, match="is no pose"):
+    with pytest.raises(FacePoserError, match="is not a pose"):
         read_pose(tmp_path / "a.fbx", low)
-    with pytest.raises(FacePoserError, match="is no animation"):
+    with pytest.raises(FacePoserError, match="is not an animation"):
         read_performance(tmp_path / "a.obj", low)
     with pytest.raises(FacePoserError, match="cannot be read"):
         read_performance(tmp_path / "none.json", low)
     with pytest.raises(FacePoserError, match=r"must end in one of \.glb"):
         write(tmp_path / "a.fbx", low, low.neutral())
-    with pytest.raises(FacePoserError, match="holds one pose and not 2"):
+    with pytest.raises(FacePoserError, match="holds one pose, not 2"):
         write(tmp_path / "a.ply", low, Performance(np.zeros((2, low.n_coefficients)), 30.0))
 
 

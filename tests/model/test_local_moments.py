@@ -7,7 +7,7 @@ import pytest
 
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
-from faceposer.solve.priors import centred_at
+from faceposer.solve.priors import prior_at
 
 
 def asked(model: FaceModel, start: np.ndarray, **weights: float) -> tuple[np.ndarray, np.ndarray]:
@@ -25,7 +25,7 @@ def spread(model: FaceModel, density: GaussianMixture, shape: str) -> float:
 def test_the_start_is_the_peak_whatever_is_asked_for(model: FaceModel) -> None:
     rng = np.random.default_rng(0)
     start = 0.3 * rng.normal(size=model.n_coefficients) * np.sqrt(model.subspace.variances)
-    moments = centred_at(model, start)
+    moments = prior_at(model, start)
     for rows, residual in (
         (np.zeros((0, len(start))), np.zeros(0)),
         asked(model, start, jawOpen=0.6, mouthSmileLeft=0.4),
@@ -41,7 +41,7 @@ def test_where_nothing_is_asked_for_the_start_is_the_peak(model: FaceModel, whol
     start = model.coefficients_of({"jawOpen": 0.4, "mouthSmileLeft": 0.5})
     rows, _ = asked(model, start, jawOpen=0.4)
     for residual in (np.zeros(0), np.zeros(len(rows))):
-        density = centred_at(model, start, wholeness=wholeness).near(rows[: len(residual)], residual)
+        density = prior_at(model, start, wholeness=wholeness).near(rows[: len(residual)], residual)
         np.testing.assert_allclose(density.means[0], start, atol=1e-12)
 
 
@@ -50,7 +50,7 @@ def test_wholeness_goes_over_to_the_examples_own_expressions(model: FaceModel) -
     rows, residual = asked(model, start, mouthSmileLeft=0.7)
 
     def shift(wholeness: float) -> float:
-        mean = centred_at(model, start, wholeness=wholeness).near(rows, residual).means[0]
+        mean = prior_at(model, start, wholeness=wholeness).near(rows, residual).means[0]
         return float(np.linalg.norm(model.instance(mean) - model.character.vertices, axis=1).mean())
 
     shifts = [shift(wholeness) for wholeness in np.linspace(0.0, 1.0, 21)]
@@ -59,14 +59,14 @@ def test_wholeness_goes_over_to_the_examples_own_expressions(model: FaceModel) -
     assert max(np.diff(shifts)) < 0.25 * shifts[-1], "it goes over without a step"
     whole, named = (
         moments.near(rows, residual)
-        for moments in (centred_at(model, start, "whole"), centred_at(model, start, wholeness=1.0))
+        for moments in (prior_at(model, start, "whole"), prior_at(model, start, wholeness=1.0))
     )
     np.testing.assert_array_equal(whole.means, named.means)
 
 
 def test_what_is_asked_for_says_where_to_go(model: FaceModel) -> None:
     start = model.neutral()
-    moments = centred_at(model, start)
+    moments = prior_at(model, start)
     everything = moments.near(np.zeros((0, len(start))), np.zeros(0))
     smiling = moments.near(*asked(model, start, mouthSmileLeft=0.7))
     still = moments.near(*asked(model, start, mouthSmileLeft=0.0))
@@ -77,7 +77,7 @@ def test_what_is_asked_for_says_where_to_go(model: FaceModel) -> None:
 
 def test_it_follows_a_target_without_jumps(model: FaceModel) -> None:
     start = model.neutral()
-    moments = centred_at(model, start)
+    moments = prior_at(model, start)
     covariances = [
         moments.near(*asked(model, start, jawOpen=value)).covariances[0] for value in np.linspace(0.0, 0.8, 161)
     ]
@@ -92,7 +92,7 @@ def test_regions_tell_of_each_other_only_as_far_as_they_must(model: FaceModel) -
     rows, residual = asked(model, model.neutral(), browOuterUpLeft=0.8)
     tied = []
     for prior in ("regions", "whole"):
-        covariance = centred_at(model, model.neutral(), prior).near(rows, residual).covariances[0]
+        covariance = prior_at(model, model.neutral(), prior).near(rows, residual).covariances[0]
         spreads = np.sqrt(brow @ covariance @ brow * np.einsum("mr,rs,ms->m", mouth, covariance, mouth))
         tied.append(np.linalg.norm(mouth @ covariance @ brow / spreads))
     assert tied[0] < 0.6 * tied[1]

@@ -75,7 +75,7 @@ def test_a_gaussian_known_by_its_precision_is_the_one_known_by_its_covariance() 
     by_covariance = GaussianMixture(np.ones(1), mean[None], np.linalg.inv(precision)[None])
     for one, other, at in (
         (by_precision, by_covariance, p),
-        (by_precision.moved_by(p), by_covariance.moved_by(p), mean),
+        (by_precision.translated_by(p), by_covariance.translated_by(p), mean),
     ):
         assert one.log_density(at) == pytest.approx(other.log_density(at))
         np.testing.assert_allclose(one.energy_and_gradient(at)[1], other.energy_and_gradient(at)[1])

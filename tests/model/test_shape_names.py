@@ -13,11 +13,11 @@ from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import (
     SPLIT_SHAPES,
     canonical_shape,
-    halves_of,
+    half_shapes_of,
     makers,
     match_arkit,
     weight_map,
-    whole_of,
+    whole_shape_of,
 )
 
 SIDEWAYS = {"jawLeft", "jawRight", "mouthLeft", "mouthRight"}
@@ -161,9 +161,9 @@ def test_a_real_rig() -> None:
 
 
 def test_halves_and_wholes_know_each_other() -> None:
-    assert halves_of("browInnerUp") == ("browInnerUpLeft", "browInnerUpRight")
-    assert halves_of("jawOpen") == halves_of("mouthSmile") == halves_of("browInnerUpLeft") == ()
-    assert [whole_of(name) for name in ("cheekPuffRight", "mouthSmileLeft", "jawOpen")] == [
+    assert half_shapes_of("browInnerUp") == ("browInnerUpLeft", "browInnerUpRight")
+    assert half_shapes_of("jawOpen") == half_shapes_of("mouthSmile") == half_shapes_of("browInnerUpLeft") == ()
+    assert [whole_shape_of(name) for name in ("cheekPuffRight", "mouthSmileLeft", "jawOpen")] == [
         *("cheekPuff", "mouthSmileLeft", "jawOpen")
     ]
     rig = ("jawOpen", "browInnerUpLeft", "browInnerUpRight", "cheekPuff")

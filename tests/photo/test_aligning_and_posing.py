@@ -99,7 +99,7 @@ def test_openings_are_measured_by_the_persons_own_features(model: FaceModel) -> 
 
 @pytest.mark.parametrize("gaze", [(15.0, 0.0), (-12.0, 8.0), (0.0, -10.0)])
 def test_pupils_tell_where_the_eyes_look(model: FaceModel, gaze: tuple[float, float]) -> None:
-    pose = GazeConstraint(gaze).moved_start(model, model.neutral())
+    pose = GazeConstraint(gaze).offset_start(model, model.neutral())
     photo = aligned(pinned(model, pose, GUIDED), model, model.neutral())
     (found,) = [c for c in expression_constraints(photo, model) if isinstance(c, GazeConstraint)]
     np.testing.assert_allclose(found.direction, gaze, atol=6.0)

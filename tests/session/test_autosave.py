@@ -79,14 +79,14 @@ def written(journal: Journal) -> dict:
 
 
 def wait(journal: Journal, session: Session, clock: Clock, seconds: float = DEBOUNCE) -> None:
-    journal.follow(session)
+    journal.update(session)
     clock.seconds += seconds
-    journal.follow(session)
+    journal.update(session)
 
 
 def test_nothing_is_written_while_everything_is_saved(journal: Journal, session: Session, folder: Path) -> None:
     journal.flush(session)
-    journal.follow(session)
+    journal.update(session)
     journal.close(keep=True)
     assert not folder.exists()
     assert find_orphans(folder).orphans == ()
@@ -96,16 +96,16 @@ def test_a_step_is_on_the_disk_after_a_moment(
     journal: Journal, session: Session, folder: Path, clock: Clock, tmp_path: Path
 ) -> None:
     pin(session)
-    journal.follow(session, CAMERA)
+    journal.update(session, CAMERA)
     assert files(folder) == []
     assert journal.patience == pytest.approx(DEBOUNCE)
     assert DEBOUNCE <= 0.3
     clock.seconds += 0.5 * DEBOUNCE
     pin(session, 78)
-    journal.follow(session, CAMERA)
+    journal.update(session, CAMERA)
     assert journal.patience == pytest.approx(0.5 * DEBOUNCE), "a second step does not put it off"
     clock.seconds += 0.5 * DEBOUNCE
-    journal.follow(session, CAMERA)
+    journal.update(session, CAMERA)
     assert files(folder) == [".json", ".lock"], "no temporary file is left"
     data = written(journal)
     assert set(data) == {"format", "version", "path", "saved_at", "session"}
@@ -166,13 +166,13 @@ def test_saving_and_undoing_remove_it(
     wait(journal, session, clock)
     assert ".json" in files(folder)
     session.save(tmp_path / "a.json")
-    journal.follow(session)
+    journal.update(session)
     assert files(folder) == [".lock"], "at once"
     pin(session, 78)
     wait(journal, session, clock)
     assert written(journal)["path"] == str(tmp_path / "a.json")
     session.undo()
-    journal.follow(session)
+    journal.update(session)
     assert files(folder) == [".lock"]
     journal.close(keep=False)
     assert files(folder) == []
@@ -406,7 +406,7 @@ def test_a_journal_that_cannot_be_written_is_told_and_tried_again(
     pin(session)
     with pytest.raises(FacePoserError, match="No journal can be written"):
         wait(journal, session, clock)
-    journal.follow(session)
+    journal.update(session)
     assert journal.patience > 1.0
     place.unlink()
     pin(session, 78)

@@ -91,7 +91,7 @@ def saved(folder: Path, change: Any = None) -> tuple[Path, FaceModel]:
         photos=(Photo(str(folder / "a.jpg"), (640, 480), pins, in_front(model)),),
         keyframes=Keyframes(length=10).with_key(0, other).with_key(5, pose),
     )
-    session = Session(model, document.starting_from(other).posed(pose))
+    session = Session(model, document.with_start(other).posed(pose))
     path = folder / "session.json"
     session.save(path)
     if change is not None:
@@ -303,7 +303,7 @@ def test_a_pose_of_another_version_is_solved_anew_where_that_is_possible(tmp_pat
     session.wait()
     assert len(session.coefficients) == session.model.n_coefficients
     assert "its pose was solved again; the places of constraints[0] (point) and constraints[1]" in session.remark
-    path.write_text(json.dumps(document.starting_from(np.full(7, 0.1)).to_json()))
+    path.write_text(json.dumps(document.with_start(np.full(7, 0.1)).to_json()))
     with pytest.raises(FacePoserError, match="coefficients has 7 numbers"):
         open_session(str(path))
 

@@ -12,7 +12,7 @@ from faceposer.photo.photo import Photo, Pin
 from faceposer.photo.places import GUIDED
 from faceposer.session.document import Document, read_document
 from faceposer.session.opening import open_session
-from faceposer.session.photos import with_expression, with_photo
+from faceposer.session.photos import pose_from_photo, with_photo
 from faceposer.session.session import Session
 from faceposer.solve.constraints.point import PointConstraint
 
@@ -71,12 +71,12 @@ def test_what_was_drawn_through_a_photo_follows_its_camera(model: FaceModel, tmp
 def test_the_expression_replaces_what_the_pins_told_before(model: FaceModel, tmp_path: Path) -> None:
     photo = pinned(model, tmp_path / "face.jpg")
     own = PointConstraint(3, (10.0, 20.0), OrbitView((0.0, 0.0, 0.0)).camera((500, 500)))
-    once = with_expression(Document("man", (own,), photos=(photo,)), model, photo)
-    again = with_expression(once, model, photo)
+    once = pose_from_photo(Document("man", (own,), photos=(photo,)), model, photo)
+    again = pose_from_photo(once, model, photo)
     assert len(again.constraints) == len(once.constraints) > 10
     assert again.constraints[0] == own
     locked = replace(once, constraints=(own, replace(once.constraints[1], locked=True)))
-    assert len(with_expression(locked, model, photo).constraints) == len(once.constraints) + 1
+    assert len(pose_from_photo(locked, model, photo).constraints) == len(once.constraints) + 1
 
 
 def test_a_camera_that_a_file_leaves_out_is_sought(model: FaceModel, tmp_path: Path) -> None:

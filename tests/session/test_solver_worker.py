@@ -9,12 +9,12 @@ from faceposer.geometry.camera import OrbitView
 from faceposer.model.face_model import FaceModel
 from faceposer.session import solver_worker
 from faceposer.session.document import Document
-from faceposer.session.solver_worker import InlineWorker, Job, JobResult, SolverWorker
+from faceposer.session.solver_worker import InlineWorker, SolveRequest, SolveResult, SolverWorker
 from faceposer.solve.constraints.point import PointConstraint
 
 
-def job(model: FaceModel, revision: int, epoch: int = 0) -> Job:
-    return Job(epoch, revision, model, Document("man"), model.neutral())
+def job(model: FaceModel, revision: int, epoch: int = 0) -> SolveRequest:
+    return SolveRequest(epoch, revision, model, Document("man"), model.neutral())
 
 
 @pytest.mark.parametrize("make", [InlineWorker, SolverWorker])
@@ -34,11 +34,11 @@ def test_a_job_is_solved_and_taken_once(model: FaceModel, make: type) -> None:
 def test_the_newest_job_wins(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
     begun, go_on, solved = threading.Event(), threading.Event(), []
 
-    def slow(job: Job, should_stop: object = None) -> JobResult:
+    def slow(job: SolveRequest, should_stop: object = None) -> SolveResult:
         solved.append(job.revision)
         begun.set()
         assert go_on.wait(10)
-        return JobResult(job, None, None)
+        return SolveResult(job, None, None)
 
     monkeypatch.setattr(solver_worker, "run_job", slow)
     worker = SolverWorker()
@@ -59,13 +59,13 @@ def test_the_newest_job_wins(model: FaceModel, monkeypatch: pytest.MonkeyPatch) 
 def test_a_new_epoch_stops_the_running_solve(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
     begun, stopped = threading.Event(), []
 
-    def until_told(job: Job, should_stop: object = None) -> JobResult:
+    def until_told(job: SolveRequest, should_stop: object = None) -> SolveResult:
         begun.set()
         if job.epoch == 0:
             while not should_stop():  # type: ignore[operator]
                 pass
             stopped.append(job.epoch)
-        return JobResult(job, None, None)
+        return SolveResult(job, None, None)
 
     monkeypatch.setattr(solver_worker, "run_job", until_told)
     worker = SolverWorker()
@@ -83,7 +83,7 @@ def test_a_new_epoch_stops_the_running_solve(model: FaceModel, monkeypatch: pyte
 def test_exceptions_reach_the_one_who_polls(model: FaceModel) -> None:
     worker = SolverWorker()
     impossible = PointConstraint(10**8, (0.0, 0.0), OrbitView((0.0, 0.0, 0.0)).camera((10, 10)))
-    worker.submit(Job(0, 0, model, Document("man", (impossible,)), None))
+    worker.submit(SolveRequest(0, 0, model, Document("man", (impossible,)), None))
     assert worker.wait_idle(10)
     result = worker.poll()
     assert result is not None

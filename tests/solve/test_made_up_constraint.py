@@ -10,15 +10,18 @@ import pytest
 from faceposer.cli import main
 from faceposer.errors import FacePoserError
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.model.face_model import FaceModel
+from faceposer.model.character_file import load_character, save_character
+from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.framing import face_view
 from faceposer.session.document import Document, read_document, write_document
+from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import CONSTRAINTS, register
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from tests.made_up import MidpointConstraint, registered_constraint
+from tests.versions import renumbered
 
 
 @pytest.fixture
@@ -115,3 +118,25 @@ def test_the_command_solves_it(model: FaceModel, tmp_path: Path) -> None:
     assert not end.value.code
     assert (tmp_path / "a.obj").stat().st_size > 10_000
     assert "midpoint" in report.read_text()
+
+
+@pytest.mark.usefixtures("made_up")
+def test_it_follows_to_another_version_of_its_character(tmp_path: Path) -> None:
+    character = load_character("low")
+    save_character(tmp_path / "own.npz", character)
+    model = build_face_model(character)
+    pose = model.coefficients_of({"jawOpen": 0.6})
+    session = Session(model, Document(str(tmp_path / "own.npz"), (lips_at(model, pose),)), path=tmp_path / "a.json")
+    session.save(tmp_path / "a.json")
+    save_character(tmp_path / "own.npz", renumbered(character, 1.1))
+    opened = open_session(str(tmp_path / "a.json"))
+    (constraint,) = opened.document.constraints
+    assert isinstance(constraint, MidpointConstraint)
+    np.testing.assert_allclose(
+        constraint.points.positions(opened.model.character.vertices, opened.model.triangles),
+        1.1 * model.character.vertices[[model.character.feature_points[name] for name in ("2.2", "2.3")]],
+        atol=1e-4,
+    )
+    opened.apply()
+    opened.wait()
+    assert opened.residuals_px[0] < 2.0

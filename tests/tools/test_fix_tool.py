@@ -5,7 +5,7 @@ import pytest
 
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.fixed import FixedConstraint
-from faceposer.tools.fix_tool import region_held, toggle_region
+from faceposer.tools.fix_tool import fixed_region_index, toggle_fixed_region
 from tests.tools.context import HeadlessContext, Pixel, along, check_stages, shifted, straight
 
 NOSE, LEFT, RIGHT = "9.3", "8.3", "8.4"
@@ -133,23 +133,23 @@ def test_the_brush_reaches_as_far_as_it_is_wide(context: HeadlessContext) -> Non
 def test_a_region_is_held_and_let_go_by_a_click(context: HeadlessContext) -> None:
     names = ("mouth", "lip_upper", "lip_lower")
     tool_settings = context.toolbox.tool_settings
-    assert region_held(names, context) is None
-    toggle_region(names, context, tool_settings)
-    assert region_held(names, context) == 0
+    assert fixed_region_index(names, context) is None
+    toggle_fixed_region(names, context, tool_settings)
+    assert fixed_region_index(names, context) == 0
     assert context.toolbox.selection == {0}
     regions = context.session.model.character.regions
     assert held(context) == {int(v) for name in names if name in regions for v in regions[name]}
-    toggle_region(names, context, tool_settings)
+    toggle_fixed_region(names, context, tool_settings)
     assert context.constraints == ()
     context.undo()
-    assert region_held(names, context) == 0
+    assert fixed_region_index(names, context) == 0
     context.undo()
     assert not context.session.can_undo
     context.redo()
     context.change(0, locked=True)
-    toggle_region(names, context, tool_settings)
-    assert region_held(names, context) == 0, "a locked region stays"
-    toggle_region(("no such region",), context, tool_settings)
+    toggle_fixed_region(names, context, tool_settings)
+    assert fixed_region_index(names, context) == 0, "a locked region stays"
+    toggle_fixed_region(("no such region",), context, tool_settings)
     assert len(context.constraints) == 1
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.gaze import MOST_PITCH, MOST_YAW, GazeConstraint, gaze_direction
-from faceposer.tools.gaze_tool import pupils_of
+from faceposer.tools.gaze_tool import pupil_centres_of
 from tests.tools.context import HeadlessContext, along, check_stages, shifted, straight
 
 CORNER = "8.3"
@@ -95,10 +95,10 @@ def test_elsewhere_than_on_the_handle_the_point_tool_drags_points(context: Headl
 @pytest.mark.parametrize("direction", [(0.0, 0.0), (25.0, 10.0), (-25.0, -15.0)])
 def test_lines_begin_at_the_pupils_that_one_sees(model: FaceModel, direction: tuple[float, float]) -> None:
     character = model.character
-    pupils = pupils_of(character, direction)
+    pupils = pupil_centres_of(character, direction)
     assert pupils is not None
     constraint = GazeConstraint(direction)
-    posed = model.instance(constraint.moved_start(model, model.neutral()))
+    posed = model.instance(constraint.offset_start(model, model.neutral()))
     for name, pupil in zip(("3.5", "3.6"), sorted(pupils, key=lambda place: -place[0]), strict=True):
         seen = posed[character.feature_points[name]]
         assert np.linalg.norm(pupil - seen) < 0.45, "centimetres"

@@ -7,7 +7,7 @@ import pytest
 
 from faceposer.geometry.mirror import mirrored_pixels
 from faceposer.model.face_model import FaceModel
-from faceposer.tools.fix_tool import toggle_region
+from faceposer.tools.fix_tool import toggle_fixed_region
 from tests.tools.context import HeadlessContext, along, check_stages, shifted, straight
 
 LEFT, RIGHT = "8.3", "8.4"
@@ -157,7 +157,7 @@ def test_in_the_middle_and_for_the_eyes_nothing_is_mirrored(context: HeadlessCon
     assert handle is not None
     context.drag(handle, shifted(handle, 30, 0))
     assert [c.kind for c in context.constraints] == ["point", "gaze"]
-    toggle_region(("nose",), context, context.toolbox.tool_settings)
+    toggle_fixed_region(("nose",), context, context.toolbox.tool_settings)
     assert len(context.constraints) == 3
 
 

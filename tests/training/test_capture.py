@@ -142,7 +142,7 @@ def test_rest_and_jumps_are_taken_out() -> None:
     steady = capture.without_jumps(0.3)
     # The fall from 0.9 back to rest in one frame is a jump, the blink is not.
     assert len(steady.weights) == 99
-    rested = steady.from_rest(5.0)
+    rested = steady.relative_to_rest(5.0)
     assert rested.weights.min() == 0.0
     assert rested.weights[:, 0].max() == pytest.approx(0.75)
     assert np.median(rested.weights[:, 1]) == pytest.approx(0.0)

@@ -15,9 +15,9 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.progress import CancelledError, Progress
 from faceposer.training import cluster as cluster_module
 from faceposer.training import frames as frames_module
-from faceposer.training.cluster import clustered
+from faceposer.training.cluster import cluster_frames
 from faceposer.training.examples import ExampleOptions, character_from_examples
-from faceposer.training.frames import spooled
+from faceposer.training.frames import spool_frames
 from faceposer.training.streaming_pca import Region, regional_pca, scores_of
 from tests.training.example_meshes import moving, reader_of, sequence_of, shaken, surface
 
@@ -52,10 +52,10 @@ def test_same_components_and_scores_as_on_one_machine(tmp_path: Path, address: s
     mask = np.clip(np.linspace(1.5, -0.5, n), 0.0, 1.0).astype(np.float32)
     regions = [Region(np.arange(n), part, np.ones(n, dtype=np.float32)) for part in (mask, 1.0 - mask)]
     sample = reader.read(0, 3)
-    with spooled(reader, Progress()) as store:
+    with spool_frames(reader, Progress()) as store:
         expected = regional_pca(store, regions, sample, 4)
         expected_scores = scores_of(store, regions, expected)
-    with clustered(reader, address, Progress()) as store:
+    with cluster_frames(reader, address, Progress()) as store:
         assert (store.n_frames, store.n_vertices) == (90, n)
         found = regional_pca(store, regions, sample, 4)
         scores = scores_of(store, regions, found)
@@ -84,7 +84,7 @@ def test_results_come_in_order_and_the_workers_are_freed(
     mesh = surface()
     monkeypatch.chdir(tmp_path)
     reader = reader_of(sequence_of(moving(mesh, 21), mesh, Path("a.npz")))
-    with clustered(reader, address, Progress()) as store:
+    with cluster_frames(reader, address, Progress()) as store:
         np.testing.assert_allclose(np.concatenate(list(store.run(double, 2.0))), 2.0 * reader.read(0, 21))
     with distributed.Client(address, set_as_default=False) as client:
         assert not client.who_has()
@@ -95,7 +95,7 @@ def test_stop_is_heard(tmp_path: Path, address: str) -> None:
     reader = reader_of(sequence_of(moving(mesh, 9), mesh, tmp_path / "a.npz"))
     stages: list[str] = []
     progress = Progress(lambda stage, share: stages.append(stage), lambda: "Principal components" in stages)
-    with pytest.raises(CancelledError), clustered(reader, address, progress) as store:
+    with pytest.raises(CancelledError), cluster_frames(reader, address, progress) as store:
         list(store.run(double, 1.0))
 
 
@@ -107,7 +107,7 @@ def test_file_that_a_worker_cannot_see_is_named(tmp_path: Path, address: str) ->
     (tmp_path / "4.obj").unlink()
     with (
         pytest.raises(FacePoserError, match=r"'.*4\.obj' cannot be read on the Dask worker tcp://.*same path"),
-        clustered(reader, address, Progress()),
+        cluster_frames(reader, address, Progress()),
     ):
         pass
 
@@ -118,7 +118,7 @@ def test_broken_frame_on_a_worker_has_its_own_sentence(tmp_path: Path, address: 
     reader = reader_of(sequence_of(frames, mesh, tmp_path / "a.npz"))
     frames[5, 7, 1] = np.nan
     sequence_of(frames, mesh, tmp_path / "a.npz")
-    with pytest.raises(FacePoserError, match=r"rame 6 of .*not finite"), clustered(reader, address, Progress()):
+    with pytest.raises(FacePoserError, match=r"rame 6 of .*not finite"), cluster_frames(reader, address, Progress()):
         pass
 
 
@@ -131,7 +131,7 @@ def test_failure_on_a_worker_is_reported(tmp_path: Path, address: str) -> None:
     reader = reader_of(sequence_of(moving(mesh, 6), mesh, tmp_path / "a.npz"))
     with (
         pytest.raises(FacePoserError, match=r"failed \(ArithmeticError: no luck\)"),
-        clustered(reader, address, Progress()) as store,
+        cluster_frames(reader, address, Progress()) as store,
     ):
         list(store.run(fail))
 
@@ -141,7 +141,7 @@ def test_wrong_address(tmp_path: Path, wrong: str, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(cluster_module, "_PATIENCE_S", 0.3)
     mesh = surface()
     reader = reader_of(sequence_of(moving(mesh, 6), mesh, tmp_path / "a.npz"))
-    with pytest.raises(FacePoserError, match="No Dask scheduler answers at"), clustered(reader, wrong, Progress()):
+    with pytest.raises(FacePoserError, match="No Dask scheduler answers at"), cluster_frames(reader, wrong, Progress()):
         pass
 
 
@@ -154,7 +154,7 @@ def test_cluster_without_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             n_workers=0, processes=False, protocol="tcp://", dashboard_address=None, silence_logs=50
         ) as empty,
         pytest.raises(FacePoserError, match="has no workers; start some with: dask worker tcp://"),
-        clustered(reader, empty.scheduler_address, Progress()),
+        cluster_frames(reader, empty.scheduler_address, Progress()),
     ):
         pass
 
@@ -172,6 +172,6 @@ def test_missing_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(builtins, "__import__", without)
     with (
         pytest.raises(FacePoserError, match=r"pip install 'faceposer\[cluster\]'"),
-        clustered(reader, "tcp://127.0.0.1:9", Progress()),
+        cluster_frames(reader, "tcp://127.0.0.1:9", Progress()),
     ):
         pass

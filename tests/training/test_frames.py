@@ -11,7 +11,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_sequence import open_sequence
 from faceposer.progress import CancelledError, Progress
 from faceposer.training import frames as frames_module
-from faceposer.training.frames import Frames, chunk_ranges, sample_of, spooled, steady_vertices, sum_of
+from faceposer.training.frames import Frames, chunk_ranges, sample_of, spool_frames, steady_vertices, sum_of
 from tests.training.example_meshes import moving, reader_of, sequence_of, shaken, surface
 
 
@@ -75,7 +75,7 @@ def test_spool_gives_all_frames_in_order(tmp_path: Path, compressed: bool) -> No
     assert sequence.compressed == compressed
     reader = reader_of(sequence)
     expected = reader.read(0, 23)
-    with spooled(reader, Progress()) as store:
+    with spool_frames(reader, Progress()) as store:
         assert (store.n_frames, store.n_vertices) == (23, 256)
         np.testing.assert_array_equal(store.read(3, 17), expected[3:17])
         firsts = list(store.run(first_of, 1.0))
@@ -90,7 +90,7 @@ def test_processes_give_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     reader = reader_of(sequence_of(shaken(moving(mesh, 30)), mesh, tmp_path / "a.npz"))
     monkeypatch.setattr(frames_module, "_WORTH_PROCESSES", 0)
     monkeypatch.setattr(frames_module.os, "cpu_count", lambda: 2)
-    with spooled(reader, Progress()) as store:
+    with spool_frames(reader, Progress()) as store:
         np.testing.assert_array_equal(store.read(0, 30), reader.read(0, 30))
 
 
@@ -100,14 +100,14 @@ def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
     mesh = surface()
     reader = reader_of(sequence_of(moving(mesh, 4), mesh, tmp_path / "a.npz"))
-    with spooled(reader, Progress()):
+    with spool_frames(reader, Progress()):
         assert list(scratch.iterdir())
     assert not list(scratch.iterdir())
 
     def stop(stage: str, share: float) -> None:
         raise CancelledError
 
-    with pytest.raises(CancelledError), spooled(reader, Progress(stop)):
+    with pytest.raises(CancelledError), spool_frames(reader, Progress(stop)):
         pass
     assert not list(scratch.iterdir())
 
@@ -126,7 +126,7 @@ def test_full_disk_has_a_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     mesh = surface()
     reader = reader_of(sequence_of(moving(mesh, 4), mesh, tmp_path / "a.npz"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "not there"))
-    with pytest.raises(FacePoserError, match="TMPDIR"), spooled(reader, Progress()):
+    with pytest.raises(FacePoserError, match="TMPDIR"), spool_frames(reader, Progress()):
         pass
 
 
@@ -136,7 +136,7 @@ def test_disk_without_room_is_noticed_first(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(frames_module.shutil, "disk_usage", lambda _: SimpleNamespace(free=12 * 4 * 256 - 1))
     with (
         pytest.raises(FacePoserError, match=r"No space left on device.*make 0\.0 GB free"),
-        spooled(reader, Progress()),
+        spool_frames(reader, Progress()),
     ):
         pass
 

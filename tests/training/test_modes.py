@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from faceposer.progress import Progress
-from faceposer.training.frames import spooled
+from faceposer.training.frames import spool_frames
 from faceposer.training.modes import KEEP, learn_modes, local_metric
 from faceposer.training.segments import Segments, whole_face
 from tests.training.example_meshes import SIDE, moving, reader_of, sequence_of, surface
@@ -25,7 +25,7 @@ def test_modes_and_weights_make_the_examples(tmp_path: Path) -> None:
     metric = local_metric(mesh.vertices, mesh.triangles(), (displacements**2).sum(axis=2).mean(axis=0))
     ids = np.arange(len(mesh.vertices))
     for segments in (whole_face(len(ids)), halves(len(ids))):
-        with spooled(reader, Progress()) as store:
+        with spool_frames(reader, Progress()) as store:
             modes = learn_modes(store, displacements[::8], segments, metric, ids)
         assert modes.converged
         assert all(share >= KEEP for share in modes.kept.values())
@@ -43,7 +43,7 @@ def test_flat_triangles_do_no_harm(tmp_path: Path) -> None:
     displacements = reader.read(0, 20)
     metric = local_metric(mesh.vertices, mesh.triangles(), (displacements**2).sum(axis=2).mean(axis=0))
     assert metric.min() > 0
-    with spooled(reader, Progress()) as store:
+    with spool_frames(reader, Progress()) as store:
         modes = learn_modes(store, displacements, whole_face(256), metric, np.arange(256))
     assert np.isfinite(modes.fields).all()
 
@@ -54,7 +54,7 @@ def test_as_many_dimensions_as_asked_for(tmp_path: Path) -> None:
     displacements = reader.read(0, 40)
     ids = np.arange(len(mesh.vertices))
     metric = np.full(len(ids), 1.0 / len(ids), dtype=np.float32)
-    with spooled(reader, Progress()) as store:
+    with spool_frames(reader, Progress()) as store:
         modes = learn_modes(store, displacements, halves(len(ids)), metric, ids, 7)
     assert len(modes.names) == len(modes.fields) == 7
     assert set(modes.regions) == {"lower", "upper"}
@@ -68,7 +68,7 @@ def test_region_at_rest_has_no_modes(tmp_path: Path) -> None:
     reader = reader_of(sequence_of(frames, mesh, tmp_path / "a.npz"))
     displacements = reader.read(0, 30)
     metric = local_metric(mesh.vertices, mesh.triangles(), (displacements**2).sum(axis=2).mean(axis=0))
-    with spooled(reader, Progress()) as store:
+    with spool_frames(reader, Progress()) as store:
         for n_dimensions in (None, 3):
             modes = learn_modes(store, displacements, halves(256), metric, np.arange(256), n_dimensions)
             assert set(modes.regions) == {"lower"}

@@ -1,1 +1,1 @@
-"""Scripted gestures of an artist, and how a face answers them: `scripts/study_gestures.py`, docs/gestures.md."""
+"""Scripted gestures of an artist and their effects on a face: `scripts/study_gestures.py`, docs/gestures.md."""

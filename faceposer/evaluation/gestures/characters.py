@@ -1,4 +1,4 @@
-"""The characters of the study: those that come with the program, and rigs of other makers."""
+"""Characters of the study: the built-in ones, and rigs from other sources."""
 
 import os
 from pathlib import Path
@@ -9,13 +9,13 @@ from faceposer.session.opening import load_model
 from faceposer.training.request import TrainingRequest, train
 
 SHIPPED = ("man", "woman", "low", "creature")
-#: Files of the folder FACEPOSER_RIGS, without their suffix.
+#: Files in the folder FACEPOSER_RIGS, without suffix.
 RIGS = ("facecap", "facecap_multi")
 CHARACTERS = (*SHIPPED, *RIGS)
 
 
 def load_study_character(name: str) -> FaceModel:
-    """Return the face called ``name``; a rig is imported as *File > Import character* does.
+    """Load the face called ``name``; a rig is imported as by *File > Import character*.
 
     Raises:
         FacePoserError: If it cannot be found or read.
@@ -24,5 +24,5 @@ def load_study_character(name: str) -> FaceModel:
         return load_model(name)
     folder = os.environ.get("FACEPOSER_RIGS")
     if not folder:
-        raise FacePoserError(f"'{name}' needs the environment variable FACEPOSER_RIGS, the folder with {name}.glb.")
+        raise FacePoserError(f"'{name}' needs {name}.glb; set FACEPOSER_RIGS to the folder that contains it.")
     return build_face_model(train(TrainingRequest("rig", Path(folder) / f"{name}.glb", name, name)))

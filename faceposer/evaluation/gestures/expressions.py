@@ -1,12 +1,12 @@
-"""The seven expressions, each by three gestures at most (docs/gestures.md)."""
+"""Gestures for the seven expressions, at most three actions each (docs/gestures.md)."""
 
 from faceposer.evaluation.gestures.gesture import Gesture, Pull, least, most
 
 _MOUTH = ("mouth", "lip_upper", "lip_lower", "jaw", "neck")
 _FACE = (*_MOUTH, "cheek", "nose", "lids", "brow", "forehead", "scalp", "ear")
 
-#: The six basic expressions and contempt (Ekman), each by three gestures at most. A pull of nothing brings a place back
-#: to where it lies at rest, or pins it there.
+#: The six basic expressions and contempt (Ekman), each by at most three actions. A pull without an offset moves a place
+#: to its neutral position, or pins it there.
 EXPRESSIONS = (
     Gesture(
         "happiness",

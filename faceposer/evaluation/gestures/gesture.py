@@ -1,27 +1,27 @@
-"""Gestures as data: what the hand pulls or paints, what must move with it and what must not."""
+"""Gestures as data: drags and strokes, with limits on their effects."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 from faceposer.geometry.camera import ViewName
 
-#: Millimetres are those of a head of this height from the chin to the crown, in centimetres; others are scaled to it.
+#: Reference height of a head from chin to crown, in centimetres; millimetres on other heads are scaled to it.
 HEAD_HEIGHT = 17.5
-#: "arkit" where the character has ARKit's shapes, "modes" where it has modes of its own.
+#: "arkit" for characters with ARKit's shapes, "modes" for those with modes from examples.
 Kind = Literal["arkit", "modes"]
 
 
 @dataclass(frozen=True)
 class Pull:
-    """One drag of the Point tool, from where a place lies by then to a distance from where it lies at rest.
+    """A drag of the Point tool, from the current position of a place to an offset from its neutral position.
 
     Attributes:
-        place: An MPEG-4 feature point ("8.3"), or a region ("forehead"), which is taken hold of at its front.
-        right: Millimetres to the right of the picture, which from the front is the character's left.
-        up: Millimetres upwards in the picture.
-        view: From where the artist looks.
-        both: With *Symmetry* on.
-        onto: Another place; if given, the drag goes to where that lies by then, and from there by ``right`` and ``up``.
+        place: An MPEG-4 feature point ("8.3"), or a region ("forehead"), which is dragged at its front.
+        right: Offset to the right of the image, in millimetres; in the front view, the character's left.
+        up: Offset upwards in the image, in millimetres.
+        view: View of the drag.
+        both: True for a drag with *Symmetry* on.
+        onto: Place whose current position replaces the neutral position, or None.
     """
 
     place: str
@@ -33,19 +33,19 @@ class Pull:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """What the character must have."""
+        """Places that the character must have."""
         return (self.place,) if self.onto is None else (self.place, self.onto)
 
 
 @dataclass(frozen=True)
 class Paint:
-    """One stroke: the places under ``along`` are painted, then where they should be.
+    """A stroke over the places ``along``, followed by its target.
 
     Attributes:
-        along: Feature points that the brush passes, from end to end.
-        narrower: The target's width as a share of the source's, about the same middle.
-        up: Millimetres by which the target lies higher.
-        view: From where the artist looks.
+        along: Feature points along the stroke, from end to end.
+        narrower: Width of the target as a share of the width of the source, around the same centre.
+        up: Offset of the target upwards, in millimetres.
+        view: View of the stroke.
     """
 
     along: tuple[str, ...]
@@ -55,7 +55,7 @@ class Paint:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """What the character must have."""
+        """Places that the character must have."""
         return self.along
 
 
@@ -64,13 +64,13 @@ Action = Pull | Paint
 
 @dataclass(frozen=True)
 class Limit:
-    """A bound on a measure of the face that a gesture leaves; exactly one of both is given.
+    """A bound on a measure of the face after a gesture; exactly one of the two bounds is given.
 
     Attributes:
-        unit: A weight of ARKit's shapes ("eyeBlinkLeft", or "eyeBlink" for the sides), or a measure of
-            ``faceposer.evaluation.gestures.measures`` ("brow_inner_left_up", or "brow_inner_up" for the sides).
-        at_least: What must move.
-        at_most: What must not.
+        unit: A weight of ARKit's shapes ("eyeBlinkLeft", or "eyeBlink" for both sides), or a measure of
+            ``faceposer.evaluation.gestures.measures`` ("brow_inner_left_up", or "brow_inner_up" for both sides).
+        at_least: Lower bound, for what must move.
+        at_most: Upper bound, for what must not move.
     """
 
     unit: str
@@ -82,27 +82,27 @@ class Limit:
             raise ValueError(f"the limit of '{self.unit}' needs one of at_least and at_most")
 
     def holds(self, value: float) -> bool:
-        """Whether ``value`` keeps the limit."""
+        """Return True if ``value`` satisfies the limit."""
         return value >= self.at_least if self.at_least is not None else value <= self.at_most  # type: ignore[operator]
 
     def missed_by(self, value: float) -> float:
-        """Return how far ``value`` is beyond the limit, 0 where it holds."""
+        """Return the excess of ``value`` beyond the limit, 0 if it holds."""
         return max(self.at_least - value if self.at_least is not None else value - self.at_most, 0.0)  # type: ignore[operator]
 
 
 @dataclass(frozen=True)
 class Gesture:
-    """What an artist does from the neutral face, and what the face should do.
+    """Actions of an artist on the neutral face, with the expected effects.
 
     Attributes:
-        name: By which rows, files and the command line refer to it.
-        title: For people.
-        actions: In the order in which they are done; a drag with *Symmetry* is one.
-        concerned: Regions that may move ("brow" for both sides); what else moves counts as spill.
-        limits: What must move and what must not.
-        other_side: Greatest share of the pulled place's motion that its mirror image may have, or None if unlimited.
-        spill_mm: Greatest motion of skin outside the regions concerned, or None if unlimited.
-        residual: Greatest share of a pull that may remain, or None for places that can hardly move.
+        name: Name in rows, files and the command line.
+        title: Display name.
+        actions: Actions in order; a drag with *Symmetry* is one action.
+        concerned: Regions that may move ("brow" for both sides); motion elsewhere counts as spill.
+        limits: Limits on the measures of the face.
+        other_side: Largest motion of the mirror image of the pulled place, as a share of its own; None for no limit.
+        spill_mm: Largest motion of skin outside the regions concerned, in millimetres; None for no limit.
+        residual: Largest remaining share of a pull; None for places that can hardly move.
     """
 
     name: str
@@ -116,15 +116,15 @@ class Gesture:
 
     @property
     def view(self) -> ViewName:
-        """From where the first action is seen."""
+        """View of the first action."""
         return self.actions[0].view
 
 
 def least(unit: str, value: float) -> Limit:
-    """Return the limit that ``unit`` moves by ``value`` or more."""
+    """Return a lower limit: ``unit`` is at least ``value``."""
     return Limit(unit, at_least=value)
 
 
 def most(unit: str, value: float) -> Limit:
-    """Return the limit that ``unit`` moves by ``value`` or less."""
+    """Return an upper limit: ``unit`` is at most ``value``."""
     return Limit(unit, at_most=value)

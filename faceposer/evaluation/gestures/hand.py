@@ -1,4 +1,4 @@
-"""An artist's hand without a window: gestures through the program's own tools, session and solver."""
+"""Execution of gestures without a window, through the program's own tools, session and solver."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,20 +25,20 @@ Array = NDArray[np.float64]
 Pixel = tuple[float, float]
 #: Width and height of the view in pixels.
 SIZE = (960, 960)
-# Events of a drag between press and release: so many frames is the face solved for on its way.
+# Number of move events of a drag, each of which is solved.
 _MOVES = 8
-# Nearer to the camera by this much, in centimetres, hides what lies behind.
-_HIDDEN_BY = 0.4
+# Distance in centimetres by which a surface in front of a point must be closer to the camera to hide it.
+_DEPTH_TOLERANCE = 0.4
 
 
 @dataclass(frozen=True)
 class PriorSettings:
-    """What a user can set of the prior.
+    """Settings of the prior.
 
     Attributes:
-        prior: How the face is judged.
+        prior: Evaluation of the prior.
         weight: Weight of the prior.
-        spread: How much of the face follows a pull, from 0 to 1.
+        spread: Extent of the face that follows a pull, from 0 to 1.
     """
 
     prior: Prior = "regions"
@@ -46,24 +46,24 @@ class PriorSettings:
     spread: float = SPREAD
 
     def under(self, prior: Prior) -> "PriorSettings":
-        """Return the same settings under another ``prior``."""
+        """Return the same settings with another ``prior``."""
         return replace(self, prior=prior)
 
     def document(self, character: Character) -> Document:
-        """Return the document of the untouched face of ``character`` with these settings."""
+        """Return the document of the neutral face of ``character`` with these settings."""
         return Document(character.name, prior=self.prior, prior_weight=self.weight, spread=self.spread)
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What was drawn for one constraint, in pixels of its camera.
+    """Source and target drawn for one constraint, in pixels of its camera.
 
     Attributes:
-        camera: Under which it was drawn.
-        source: Where the place lies at rest, or the places along a stroke when it was begun, shape (n, 2).
-        target: Where they should come to lie, shape (n, 2).
-        pulled_px: How far that is, of a stroke how far the two lay apart.
-        vertex: The place that the hand pulled; None for strokes and for mirror images.
+        camera: Camera of the constraint.
+        source: Neutral position of the place, or positions along a stroke when it was begun, shape (n, 2).
+        target: Target positions, shape (n, 2).
+        pulled_px: Distance between source and target, for a stroke its initial residual.
+        vertex: The vertex that was pulled; None for strokes and for mirror images.
     """
 
     camera: Camera
@@ -75,16 +75,16 @@ class Drawn:
 
 @dataclass(frozen=True, eq=False)
 class Performed:
-    """A gesture that was made.
+    """Result of a gesture.
 
     Attributes:
-        gesture: Which.
+        gesture: The gesture.
         model: The face.
-        pose: The coefficients it left, shape (r,).
-        drawn: What was drawn, by constraint.
-        residuals_px: How far each constraint is from being met, in pixels.
-        solve_ms: Time of each solve on the way, in ms.
-        prior: By which the face was judged.
+        pose: The resulting coefficients, shape (r,).
+        drawn: Source and target of each constraint.
+        residuals_px: Residual of each constraint, in pixels.
+        solve_ms: Time of each solve, in ms.
+        prior: The prior of the session.
     """
 
     gesture: Gesture
@@ -97,70 +97,68 @@ class Performed:
 
     @cached_property
     def vertices(self) -> NDArray[np.float32]:
-        """The posed vertices that are measured and drawn, after the contact step, shape (N, 3)."""
+        """The posed vertices after the contact step, as they are measured and rendered, shape (N, 3)."""
         return self.model.surface(self.pose)
 
 
 class Hand:
-    """Makes gestures on one face; what tools need of a window (``ToolContext``) it gives itself.
+    """Performer of gestures on one face, and the ``ToolContext`` of its tools.
 
     Attributes:
-        session: The document under the hand.
-        view: From where the hand's owner looks.
+        session: The session that is edited.
+        view: The current view.
     """
 
     ui_scale = 1.0
     navigation: Navigation = "blender"
 
     def __init__(self, model: FaceModel, settings: PriorSettings | None = None) -> None:
-        """Begin at the neutral face of ``model``."""
+        """Start at the neutral face of ``model``."""
         self.session = Session(model, (settings or PriorSettings()).document(model.character))
         self.size = SIZE
-        self.view: View = self._looking("front")
+        self.view: View = self._view_from("front")
         self._toolbox = Toolbox(self)
-        self._held: int | None = None
+        self._picked_vertex: int | None = None
         self._solve_ms: list[float] = []
 
-    # What tools ask
-
+    # Interface of tools
     @property
     def camera(self) -> Camera:
         """The camera of the view."""
         return self.view.camera(self.size)
 
     def pick(self, pixel: Pixel) -> SurfacePoint | None:
-        """Return the place that the hand has taken aim at: a press is never off by the width of an eyelid's edge."""
-        if self._held is None:
-            points, met = self.pick_many([pixel])
-            found = points[0] if met[0] else None
-            return found if isinstance(found, SurfacePoint) else None
-        return SurfacePoint.at_vertex(self.session.model.triangles, self._held)
+        """Return the vertex that is being dragged, so that presses are exact, or the surface point at ``pixel``."""
+        if self._picked_vertex is None:
+            points, hit = self.pick_many([pixel])
+            point = points[0] if hit[0] else None
+            return point if isinstance(point, SurfacePoint) else None
+        return SurfacePoint.at_vertex(self.session.model.triangles, self._picked_vertex)
 
     def pick_many(self, pixels: ArrayLike) -> tuple[SurfacePoints, NDArray[np.bool_]]:
-        """Return the points of the visible face under ``pixels``, shape (n, 2), and which of them meet it, (n,)."""
+        """Return the visible surface points at ``pixels``, shape (n, 2), and the mask of pixels on the face, (n,)."""
         return self.session.model.pick(self.session.coefficients, self.camera, pixels)
 
     def hidden(self, points: SurfacePoints) -> NDArray[np.bool_]:
-        """Return which of ``points`` the face itself hides, shape (n,)."""
+        """Return the mask of ``points`` that the face itself hides, shape (n,)."""
         model, pose = self.session.model, self.session.coefficients
         positions = model.positions_at(points, pose)
-        found, met = self.pick_many(self.camera.project(positions))
+        visible, hit = self.pick_many(self.camera.project(positions))
         hidden = np.zeros(len(points), dtype=bool)
-        before = self.camera.to_camera(model.positions_at(found, pose))[:, 2]
-        hidden[met] = before < self.camera.to_camera(positions)[met, 2] - _HIDDEN_BY
+        depths = self.camera.to_camera(model.positions_at(visible, pose))[:, 2]
+        hidden[hit] = depths < self.camera.to_camera(positions)[hit, 2] - _DEPTH_TOLERANCE
         return hidden
 
-    # What the hand does
-
+    # Gestures
     def perform(self, gesture: Gesture) -> Performed:
-        """Make ``gesture`` and return what came of it.
+        """Perform ``gesture`` and return the result.
 
         Raises:
-            FacePoserError: If the face lacks a place, or something else was taken hold of.
+            FacePoserError: If the face lacks a place, or a place cannot be pulled or painted.
         """
         drawn: list[Drawn] = []
         for action in gesture.actions:
-            self.view = self._looking(action.view)
+            self.view = self._view_from(action.view)
             drawn += self._pull(action) if isinstance(action, Pull) else self._paint(action)
         session = self.session
         return Performed(
@@ -178,23 +176,23 @@ class Hand:
         vertex = place_vertex(model.character, pull.place)
         points = SurfacePoints.at_vertices([vertex])
         if pull.onto is None:
-            aim = model.positions_at(points, model.neutral())
+            origin = model.positions_at(points, model.neutral())
         else:
-            aim = model.positions_at(SurfacePoints.at_vertices([place_vertex(model.character, pull.onto)]), pose)
+            origin = model.positions_at(SurfacePoints.at_vertices([place_vertex(model.character, pull.onto)]), pose)
         right, down, _ = camera.rotation
-        goal = aim + self._millimetre * (pull.right * right - pull.up * down)
+        goal = origin + self._millimetre * (pull.right * right - pull.up * down)
         begin, end = camera.project(np.concatenate([model.positions_at(points, pose), goal]))
-        before = len(self.session.document.constraints)
+        count = len(self.session.document.constraints)
         self._toolbox.choose("point")
         self._toolbox.tool_settings.symmetry.on = pull.both
-        self._held = vertex
+        self._picked_vertex = vertex
         try:
             self._drag(np.linspace(begin, end, _MOVES + 1))
         finally:
-            self._held = None
+            self._picked_vertex = None
             self._toolbox.tool_settings.symmetry.on = False
         drawn: list[Drawn] = []
-        for constraint in self.session.document.constraints[before:]:
+        for constraint in self.session.document.constraints[count:]:
             assert isinstance(constraint, PointConstraint)
             source = constraint.camera.project(model.positions_at(constraint.points, model.neutral()))
             target = np.array([constraint.target])
@@ -202,7 +200,7 @@ class Hand:
             drawn.append(Drawn(constraint.camera, source, target, pulled, None if drawn else vertex))
         if len(drawn) != 1 + pull.both:
             side = " and its mirror image" if pull.both else ""
-            raise FacePoserError(f"'{model.character.title}' could not be taken hold of at '{pull.place}'{side}.")
+            raise FacePoserError(f"'{model.character.title}' cannot be pulled at '{pull.place}'{side}.")
         return drawn
 
     def _paint(self, paint: Paint) -> list[Drawn]:
@@ -212,22 +210,22 @@ class Hand:
         source = camera.project(positions)
         target = camera.project(positions - self._millimetre * paint.up * camera.rotation[1])
         target += (paint.narrower - 1.0) * (target - target.mean(axis=0)) * [1.0, 0.0]
-        before = len(self.session.document.constraints)
+        count = len(self.session.document.constraints)
         self._toolbox.choose("stroke")
         self._drag(source)
         self._drag(target)
-        made = self.session.document.constraints[before:]
-        if len(made) != 1:
-            raise FacePoserError(f"'{model.character.title}' could not be painted on along {', '.join(paint.along)}.")
-        return [Drawn(camera, source, target, made[0].residual_px(model, pose))]
+        added = self.session.document.constraints[count:]
+        if len(added) != 1:
+            raise FacePoserError(f"'{model.character.title}' cannot be painted along {', '.join(paint.along)}.")
+        return [Drawn(camera, source, target, added[0].residual_px(model, pose))]
 
     @property
     def _millimetre(self) -> float:
         return 0.1 * self.session.model.character.height / HEAD_HEIGHT
 
-    def _drag(self, way: Array) -> None:
-        """Press at the first pixel of ``way``, shape (n, 2), move along the others, and release at the last."""
-        pixels = [(u, v) for u, v in way.tolist()]
+    def _drag(self, path: Array) -> None:
+        """Press at the first pixel of ``path``, shape (n, 2), move along the others, and release at the last."""
+        pixels = [(u, v) for u, v in path.tolist()]
         self._send("press", pixels[0])
         for pixel in pixels[1:]:
             self._send("move", pixel)
@@ -238,13 +236,13 @@ class Hand:
         if self.session.poll() and self.session.solution is not None:
             self._solve_ms.append(1e3 * self.session.solution.seconds)
 
-    def _looking(self, view: ViewName) -> OrbitView:
+    def _view_from(self, view: ViewName) -> OrbitView:
         vertices = self.session.model.character.vertices
         return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), view)
 
 
 def place_vertex(character: Character, place: str) -> int:
-    """Return the vertex of a feature point, or the one at the front of a region, in its middle.
+    """Return the vertex of a feature point, or that at the centre of the front of a region.
 
     Raises:
         FacePoserError: If the character has neither.
@@ -261,6 +259,6 @@ def place_vertex(character: Character, place: str) -> int:
 
 
 def has_places(character: Character, gesture: Gesture) -> bool:
-    """Whether ``character`` has all that ``gesture`` takes hold of."""
+    """Return True if ``character`` has all places of ``gesture``."""
     places = {place for action in gesture.actions for place in action.places}
     return all(place in character.feature_points or place in character.regions for place in places)

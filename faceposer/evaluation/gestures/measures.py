@@ -1,9 +1,9 @@
-"""What a face has done, in weights, millimetres and shares: what limits speak of.
+"""Measures of the change of a face, in weights, millimetres and shares, to which limits apply.
 
-Millimetres are those of a head of 17.5 cm. A measure of two sides is called by its name with "_left" or "_right" after
-the place ("corner_left_up"). Directions: up and down, forward and back; out and in for places of one side, left and
-right (the character's) for places in the middle; moved is the length of the whole motion. "mouth_mean" and the like are
-the mean motion of a region of the evaluation.
+Millimetres are those of a head of 17.5 cm. Measures of one side have "_left" or "_right" after the place
+("corner_left_up"). Directions are up and down, forward and back; out and in for places of one side, left and right (the
+character's) for places in the middle; "moved" is the length of the motion. "mouth_mean" and the like are the mean
+motion of a region of the evaluation.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from faceposer.solve.weight_fit import fit_weights
 Array = NDArray[np.float64]
 SIDES = ("Left", "Right")
 
-#: Feature points of the left and the right side, by the name of the place.
+#: Feature points of the left and right side, by the name of the place.
 PAIRS: Mapping[str, tuple[str, str]] = {
     "corner": ("8.3", "8.4"),
     "cheek": ("5.1", "5.2"),
@@ -36,7 +36,7 @@ PAIRS: Mapping[str, tuple[str, str]] = {
     "upper_lip_half": ("8.5", "8.6"),
     "ear": ("10.1", "10.2"),
 }
-#: Feature points in the middle.
+#: Feature points in the middle, by the name of the place.
 MIDDLES: Mapping[str, str] = {
     "upper_lip": "8.1",
     "lower_lip": "8.2",
@@ -45,13 +45,13 @@ MIDDLES: Mapping[str, str] = {
     "nose_bridge": "9.12",
 }
 _DIRECTIONS = {"up": (1, 1.0), "down": (1, -1.0), "forward": (2, 1.0), "back": (2, -1.0)}
-# Skin this near to a region concerned, in millimetres, stretches with it.
+# Distance from the regions concerned, in millimetres, within which skin may stretch with them.
 _MARGIN_MM = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class FaceChange:
-    """How the face that a gesture left differs from the neutral one."""
+    """Change of a face from neutral by a gesture."""
 
     performed: Performed
 
@@ -62,9 +62,9 @@ class FaceChange:
 
     @cached_property
     def motion(self) -> Array:
-        """The vertices' motion in millimetres, shape (N, 3)."""
-        moved = self.performed.vertices - self.character.vertices
-        return moved.astype(np.float64) * self._millimetres
+        """Motion of the vertices in millimetres, shape (N, 3)."""
+        motion = self.performed.vertices - self.character.vertices
+        return motion.astype(np.float64) * self._millimetres
 
     @property
     def _millimetres(self) -> float:
@@ -72,13 +72,13 @@ class FaceChange:
 
     @cached_property
     def weights(self) -> Mapping[str, float]:
-        """The weights of ARKit's shapes as the panel shows them and files have them; empty without such shapes."""
+        """Weights of ARKit's shapes as in the panel and in files; empty without such shapes."""
         if not set(self.character.shape_names) & set(ARKIT_SHAPES):
             return {}
         return fit_weights(self.performed.model, self.performed.pose)
 
     def values(self, unit: str) -> dict[str, float]:
-        """Return the values of ``unit`` by its name, or of its two sides by theirs; empty where the face has none."""
+        """Return the value of ``unit``, or of its two sides, by name; empty if the face does not have it."""
         names = sided(unit)
         return {name: value for name in names if (value := self._value(name)) is not None}
 
@@ -94,7 +94,7 @@ class FaceChange:
         if name == "mouth_opens":
             return self._gap("2.2", "2.3")
         if name == "lip_overhang":
-            # A lower lip that runs ahead of the chin is a duck's bill.
+            # A lower lip that moves farther forward than the chin looks unnatural.
             lip, chin = self._feature("8.2"), self._feature("2.10")
             return None if lip is None or chin is None else float(lip[2] - chin[2])
         return self._point(place, direction)
@@ -128,7 +128,7 @@ class FaceChange:
         return None if above is None or below is None else float(above[1] - below[1])
 
     def _lids(self, side: str, direction: str) -> float | None:
-        """Return by what share of itself the gap between the lids closes or opens."""
+        """Return the change of the gap between the lids as a share of its neutral size."""
         upper, lower = (PAIRS[lid][side == "right"] for lid in ("upper_lid", "lower_lid"))
         widened = self._gap(upper, lower)
         if widened is None:
@@ -137,43 +137,42 @@ class FaceChange:
         gap = float(y[points[upper]] - y[points[lower]]) * self._millimetres
         return (widened if direction == "open" else -widened) / max(gap, 1e-6)
 
-    # Over the whole face
-
+    # Measures of the whole face
     def spill_mm(self, concerned: tuple[str, ...]) -> float:
-        """Return the greatest motion of skin outside the regions ``concerned`` and beyond their margin."""
+        """Return the largest motion of skin outside the regions ``concerned`` and their margin, in millimetres."""
         outside = skin_outside(self.character, concerned)
         return float(np.linalg.norm(self.motion[outside], axis=1).max(initial=0.0))
 
     def other_side(self) -> float | None:
-        """Return the motion of the mirror images of the pulled places as a share of their own; None for the middle."""
+        """Return the motion of the pulled places' mirror images as a share of their own; None for middle places."""
         own = other = 0.0
         points = self.character.feature_points
         pulled = {drawn.vertex for drawn in self.performed.drawn}
         for pair in PAIRS.values():
             if not set(pair) <= points.keys():
                 continue
-            here, across = (float(np.linalg.norm(self.motion[points[key]])) for key in pair)
+            left, right = (float(np.linalg.norm(self.motion[points[key]])) for key in pair)
             if points[pair[0]] in pulled:
-                own, other = own + here, other + across
+                own, other = own + left, other + right
             if points[pair[1]] in pulled:
-                own, other = own + across, other + here
+                own, other = own + right, other + left
         return other / own if own > 1e-9 else None
 
     def gaze_deg(self) -> float | None:
-        """Return by how many degrees the axes of the eyes turn against each other; None without two eyes that move."""
+        """Return the angle between the rotated axes of the two eyes, in degrees; None without two eyes."""
         axes: list[Array] = []
         vertices = self.character.vertices.astype(np.float64)
         for side in ("eye_left", "eye_right"):
             ids = self.character.regions.get(side)
             if ids is None or not len(ids):
                 return None
-            axes.append(_turned(vertices[ids], vertices[ids] + self.motion[ids] / self._millimetres)[:, 2])
+            axes.append(_rotation(vertices[ids], vertices[ids] + self.motion[ids] / self._millimetres)[:, 2])
         left, right = axes
         return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
 
 
 def sided(unit: str) -> tuple[str, ...]:
-    """Return the names of the sides of ``unit``, or its own if it has a side or none."""
+    """Return the names of both sides of ``unit``, or its own name if it has a side or no sides."""
     if all(unit + side in ARKIT_SHAPES for side in SIDES):
         return tuple(unit + side for side in SIDES)
     place, _, direction = unit.rpartition("_")
@@ -183,7 +182,7 @@ def sided(unit: str) -> tuple[str, ...]:
 
 
 def known_unit(unit: str) -> bool:
-    """Whether ``unit`` is a name that limits may have."""
+    """Return True if ``unit`` is a valid unit of limits."""
     names = sided(unit)
     if all(name in ARKIT_SHAPES for name in names) or names[0] in ("mouth_opens", "lip_overhang"):
         return True
@@ -193,21 +192,21 @@ def known_unit(unit: str) -> bool:
     if place.startswith("lids_"):
         return direction in ("close", "open")
     one_sided = place.removesuffix("_left").removesuffix("_right") in PAIRS
-    across = ("out", "in", "left", "right") if one_sided else ("left", "right")
-    return (one_sided or place in MIDDLES) and direction in (*_DIRECTIONS, *across, "moved")
+    sideways = ("out", "in", "left", "right") if one_sided else ("left", "right")
+    return (one_sided or place in MIDDLES) and direction in (*_DIRECTIONS, *sideways, "moved")
 
 
 def region_ids(character: Character, name: str) -> NDArray[np.int64]:
-    """Return the vertices of a region, or of both of its sides; none where the character has no such region."""
-    found = [character.regions[key] for key in (name, f"{name}_left", f"{name}_right") if key in character.regions]
-    return np.unique(np.concatenate(found)).astype(np.int64) if found else np.zeros(0, dtype=np.int64)
+    """Return the vertices of a region, or of both of its sides; empty if the character has no such region."""
+    parts = [character.regions[key] for key in (name, f"{name}_left", f"{name}_right") if key in character.regions]
+    return np.unique(np.concatenate(parts)).astype(np.int64) if parts else np.zeros(0, dtype=np.int64)
 
 
 @lru_cache(maxsize=256)
 def skin_outside(character: Character, concerned: tuple[str, ...]) -> NDArray[np.int64]:
-    """Return the skin's vertices that belong to no region ``concerned`` and lie farther than the margin from them.
+    """Return the skin vertices outside the regions ``concerned`` and their margin.
 
-    Skin between the regions belongs to the nearest.
+    Skin between regions belongs to the closest region.
     """
     from scipy.spatial import cKDTree
 
@@ -228,8 +227,8 @@ def skin_outside(character: Character, concerned: tuple[str, ...]) -> NDArray[np
     return skin[~belongs & (near > margin)]
 
 
-def _turned(before: Array, after: Array) -> Array:
-    """Return the rotation, (3, 3), that brings the points ``before`` nearest to ``after``, (n, 3) (Kabsch 1976)."""
+def _rotation(before: Array, after: Array) -> Array:
+    """Return the rotation, (3, 3), that best aligns the points ``before`` with ``after``, (n, 3) (Kabsch 1976)."""
     u, _, vt = np.linalg.svd((before - before.mean(axis=0)).T @ (after - after.mean(axis=0)))
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation: Array = (u @ flip @ vt).T

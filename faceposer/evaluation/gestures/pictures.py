@@ -1,4 +1,4 @@
-"""Pictures of gestures: before and after, sheets of all that a character does, and expressions without captions."""
+"""Images of gestures: before and after, sheets of all gestures of a character, and expressions without captions."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -21,13 +21,13 @@ from faceposer.render.renderer import Renderer
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
-# What a picture always shows: chin, hairline and temples.
+# Feature points that every image shows: chin, hairline and temples.
 _FRAME = ("2.1", "11.1", "4.5", "4.6")
-# Room above and below as a share of that height: brows rise and the jaw drops.
+# Margins above and below as a share of that height: brows rise and the jaw drops.
 _ABOVE, _BELOW = 0.0, 0.16
-_CLOSER = 1.25
-# Drawn so many times as large each way and averaged.
-_FINER = 2
+_ZOOM = 1.25
+# Supersampling factor in each direction.
+_SUPERSAMPLING = 2
 _PULL: Colour = (255, 196, 0)
 _PAPER: Colour = (24, 25, 27)
 _INK: Colour = (225, 226, 228)
@@ -38,58 +38,59 @@ _QUALITY = 82
 
 
 class Studio:
-    """Draws one character, again and again."""
+    """Renderer of images of one character."""
 
     def __init__(self, character: Character, renderer: Renderer, target: ColourTarget, size: int) -> None:
-        """Draw ``character`` in squares of ``size`` pixels."""
+        """Initialise for square images of ``character``, ``size`` pixels wide."""
         self.character = character
         self.size = size
         self._renderer, self._target = renderer, target
         self._normals = VertexNormals(character.triangles, len(character.vertices))
 
     def camera(self, view: ViewName, places: Sequence[str] = ()) -> Camera:
-        """Return the camera that frames the face, with ``places``, from ``view``."""
+        """Return the camera that frames the face and ``places`` from ``view``."""
         points = self.character.feature_points
         ids = [points[key] for key in _FRAME if key in points] + [place_vertex(self.character, p) for p in places]
-        shown = self.character.vertices[ids] if ids else self.character.vertices
-        low, high = shown.min(axis=0).astype(np.float64), shown.max(axis=0).astype(np.float64)
+        framed = self.character.vertices[ids] if ids else self.character.vertices
+        low, high = framed.min(axis=0).astype(np.float64), framed.max(axis=0).astype(np.float64)
         height = high[1] - low[1]
         low[1] -= _BELOW * height
         high[1] += _ABOVE * height
-        wider = 0.5 * max((high[0] - low[0]) - (high[1] - low[1]), 0.0)
-        low[1] -= wider
-        high[1] += wider
+        excess = 0.5 * max((high[0] - low[0]) - (high[1] - low[1]), 0.0)
+        low[1] -= excess
+        high[1] += excess
         yaw, pitch = np.radians(VIEW_ANGLES[view]).tolist()
-        orbit = replace(OrbitView.preset(low, high), yaw=yaw, pitch=pitch).zoomed(_CLOSER)
-        return orbit.camera((_FINER * self.size, _FINER * self.size))
+        orbit = replace(OrbitView.preset(low, high), yaw=yaw, pitch=pitch).zoomed(_ZOOM)
+        return orbit.camera((_SUPERSAMPLING * self.size, _SUPERSAMPLING * self.size))
 
     def draw(self, vertices: NDArray[np.float32], camera: Camera) -> Image.Image:
-        """Return the picture of a pose."""
+        """Render the pose ``vertices``, shape (N, 3)."""
         positions = np.ascontiguousarray(vertices, dtype=np.float32)
         self._renderer.update(positions, self._normals(positions))
         self._renderer.draw(self._target.framebuffer, camera)
         self._target.resolve()
-        return Image.fromarray(self._target.read()).reduce(_FINER)
+        return Image.fromarray(self._target.read()).reduce(_SUPERSAMPLING)
 
     def before(self, gesture: Gesture) -> Image.Image:
-        """Return the neutral face as seen when ``gesture`` begins."""
+        """Render the neutral face in the first view of ``gesture``."""
         return self.draw(self.character.vertices, self.camera(gesture.view, _pulled_places(gesture)))
 
     def after(self, performed: Performed, arrows: bool = True) -> Image.Image:
-        """Return the face that a gesture left, with ``arrows`` for what was pulled and painted."""
+        """Render the face after a gesture, with ``arrows`` for its drags and strokes."""
         camera = self.camera(performed.gesture.view, _pulled_places(performed.gesture))
-        picture = self.draw(performed.vertices, camera)
+        image = self.draw(performed.vertices, camera)
         if arrows:
-            pen = ImageDraw.Draw(picture)
+            pen = ImageDraw.Draw(image)
             for drawn in performed.drawn:
                 self._mark(pen, drawn, camera)
-        return picture
+        return image
 
     def _mark(self, pen: ImageDraw.ImageDraw, drawn: Drawn, camera: Camera) -> None:
-        """Draw the arrow of a pull, or the two lines of a stroke, under ``camera``, which looks the same way."""
+        """Draw the arrow of a pull, or the two lines of a stroke, in the image of ``camera``."""
         depth = self._depth(drawn)
         source, target = (
-            _carried(points, depth, drawn.camera, camera) / _FINER for points in (drawn.source, drawn.target)
+            _reprojected(points, depth, drawn.camera, camera) / _SUPERSAMPLING
+            for points in (drawn.source, drawn.target)
         )
         if len(source) > 1:
             pen.line([tuple(p) for p in source.tolist()], _INK, 1)
@@ -98,17 +99,17 @@ class Studio:
         _arrow(pen, source[0], target[0], self.size / 32.0)
 
     def _depth(self, drawn: Drawn) -> float:
-        """Return the depth of the face's front before the camera under which something was drawn."""
+        """Return the depth of the face at ``drawn``, in its camera."""
         if drawn.vertex is not None:
             return float(drawn.camera.to_camera(self.character.vertices[[drawn.vertex]])[0, 2])
         pixels = drawn.camera.project(self.character.vertices)
-        near = int(np.argmin(np.linalg.norm(pixels - drawn.source.mean(axis=0), axis=1)))
-        return float(drawn.camera.to_camera(self.character.vertices[[near]])[0, 2])
+        nearest = int(np.argmin(np.linalg.norm(pixels - drawn.source.mean(axis=0), axis=1)))
+        return float(drawn.camera.to_camera(self.character.vertices[[nearest]])[0, 2])
 
 
 @contextmanager
 def studio(character: Character, size: int = 480) -> Iterator[Studio]:
-    """Give a studio for ``character`` that makes squares of ``size`` pixels.
+    """Yield a studio for square images of ``character``, ``size`` pixels wide.
 
     Raises:
         FacePoserError: If the system has no OpenGL through EGL.
@@ -116,7 +117,7 @@ def studio(character: Character, size: int = 480) -> Iterator[Studio]:
     with offscreen_context() as ctx:
         renderer = Renderer(ctx)
         renderer.set_character(character)
-        target = ColourTarget(ctx, (_FINER * size, _FINER * size), 0)
+        target = ColourTarget(ctx, (_SUPERSAMPLING * size, _SUPERSAMPLING * size), 0)
         try:
             yield Studio(character, renderer, target, size)
         finally:
@@ -126,12 +127,12 @@ def studio(character: Character, size: int = 480) -> Iterator[Studio]:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A picture of a sheet with what stands under it.
+    """An image on a sheet with its caption.
 
     Attributes:
-        picture: The picture.
-        label: Its caption, "" for none.
-        good: Whether all limits hold.
+        picture: The image.
+        label: The caption, or "".
+        good: True if all limits hold.
     """
 
     picture: Image.Image
@@ -140,7 +141,7 @@ class Cell:
 
 
 def sheet(cells: Sequence[Cell], columns: int, side: int) -> Image.Image:
-    """Return the ``cells`` in rows of ``columns``, each ``side`` pixels wide, captions below if there are any."""
+    """Arrange the ``cells`` in rows of ``columns``, each ``side`` pixels wide, with captions below if there are any."""
     label = _LABEL if any(cell.label for cell in cells) else 0
     rows = -(-len(cells) // columns)
     size = (columns * (side + _GAP) + _GAP, rows * (side + label + _GAP) + _GAP)
@@ -156,12 +157,12 @@ def sheet(cells: Sequence[Cell], columns: int, side: int) -> Image.Image:
 
 
 def beside(before: Image.Image, after: Image.Image) -> Image.Image:
-    """Return the two pictures side by side."""
+    """Return the two images side by side."""
     return sheet([Cell(before, ""), Cell(after, "")], 2, before.width)
 
 
 def write_jpeg(path: Path, picture: Image.Image) -> None:
-    """Write ``picture`` as a JPEG of modest size, with the folders that lead to it."""
+    """Write ``picture`` as a compact JPEG, creating parent folders."""
     path.parent.mkdir(parents=True, exist_ok=True)
     picture.save(path, quality=_QUALITY, optimize=True, progressive=True)
 
@@ -170,14 +171,14 @@ def _pulled_places(gesture: Gesture) -> list[str]:
     return [action.place for action in gesture.actions if isinstance(action, Pull)]
 
 
-def _carried(pixels: Array, depth: float, camera: Camera, other: Camera) -> Array:
-    """Return where ``other`` shows what ``camera`` has at ``pixels``, shape (n, 2), at ``depth``."""
+def _reprojected(pixels: Array, depth: float, camera: Camera, other: Camera) -> Array:
+    """Return the pixels in ``other`` of the points at ``pixels``, shape (n, 2), and ``depth`` in ``camera``."""
     local = np.column_stack([(pixels - camera.principal_point) * depth / camera.focal, np.full(len(pixels), depth)])
     return other.project((local - camera.translation) @ camera.rotation)
 
 
 def _arrow(pen: ImageDraw.ImageDraw, begin: Array, end: Array, head: float) -> None:
-    """Draw an arrow, or a dot where both ends are the same."""
+    """Draw an arrow, or a dot if both ends coincide."""
     length = float(np.hypot(*(end - begin)))
     if length < 1.0:
         pen.ellipse([*(begin - head / 2), *(begin + head / 2)], _PULL)
@@ -191,7 +192,7 @@ def _arrow(pen: ImageDraw.ImageDraw, begin: Array, end: Array, head: float) -> N
 
 
 def _wrapped(text: str, font: ImageFont.ImageFont | ImageFont.FreeTypeFont, width: int) -> list[str]:
-    """Return ``text`` in lines that fit into ``width`` pixels, two at most."""
+    """Wrap ``text`` to lines of ``width`` pixels, at most two."""
     lines: list[str] = []
     for word in text.split():
         joined = f"{lines[-1]} {word}" if lines else word

@@ -1,4 +1,4 @@
-"""Rows: one gesture on one character, its measures beside its limits."""
+"""Rows of the study: one gesture on one character, with measures and limits."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -14,29 +14,29 @@ from faceposer.model.face_model import FaceModel
 from faceposer.solve.priors import PRIORS
 
 Row = dict[str, Any]
-#: In every gesture and under every prior the eyes look the same way, but for so many degrees.
+#: Largest angle between the two eyes for every gesture and prior, in degrees.
 GAZE_DEG = 1.0
-#: So deep surfaces may lie in each other.
+#: Largest penetration of surfaces, in millimetres.
 PENETRATION_MM = 0.1
 
 
 def perform(model: FaceModel, gesture: Gesture, settings: PriorSettings | None = None) -> Performed:
-    """Make ``gesture`` on the neutral face of ``model``."""
+    """Perform ``gesture`` on the neutral face of ``model``."""
     return Hand(model, settings).perform(gesture)
 
 
 def row_of(performed: Performed, character: str, gaze: dict[str, float | None] | None = None) -> Row:
-    """Return the row of a gesture that was made.
+    """Return the row of a gesture.
 
     Args:
-        performed: The gesture.
-        character: Its name in the row.
-        gaze: Degrees between the eyes by prior, for the limit that holds under each; if None, of this prior alone.
+        performed: Result of the gesture.
+        character: Name of the character in the row.
+        gaze: Angle between the eyes for each prior, in degrees; None for the prior of ``performed`` only.
     """
     gesture, change = performed.gesture, FaceChange(performed)
     pulled = np.array([drawn.pulled_px for drawn in performed.drawn])
     shares = np.divide(performed.residuals_px, np.maximum(pulled, 1e-6))
-    # What is pinned where it is has no share.
+    # Pins without a displacement have no relative residual.
     worst = int(np.argmax(np.where(pulled > 1.0, shares, -1.0)))
     must: dict[str, Row] = {}
     must_not: dict[str, Row] = {}
@@ -61,11 +61,11 @@ def row_of(performed: Performed, character: str, gaze: dict[str, float | None] |
         "gaze": None,
         "penetration": _bound(penetration, PENETRATION_MM),
     }
-    turned = {prior: d for prior, d in degrees.items() if d is not None}
-    if turned:
-        farthest = max(turned, key=lambda prior: turned[prior])
-        bounds["gaze"] = (_bound(turned[farthest], GAZE_DEG) or {}) | {"prior": farthest}
-    judged = [*must.values(), *must_not.values(), *(b for b in bounds.values() if b is not None)]
+    angles = {prior: angle for prior, angle in degrees.items() if angle is not None}
+    if angles:
+        widest = max(angles, key=lambda prior: angles[prior])
+        bounds["gaze"] = (_bound(angles[widest], GAZE_DEG) or {}) | {"prior": widest}
+    entries = [*must.values(), *must_not.values(), *(b for b in bounds.values() if b is not None)]
     return {
         "character": character,
         "gesture": gesture.name,
@@ -82,16 +82,16 @@ def row_of(performed: Performed, character: str, gaze: dict[str, float | None] |
         "solve_ms": _rounded(float(np.median(performed.solve_ms)) if performed.solve_ms else None),
         "solves_ms": _rounded(sum(performed.solve_ms)),
         "weights": {n: _rounded(w) for n, w in sorted(change.weights.items(), key=lambda x: -abs(x[1])) if w >= 0.02},
-        "holds": all(entry["holds"] for entry in judged),
+        "holds": all(entry["holds"] for entry in entries),
     }
 
 
 def study(
     character: str, model: FaceModel, gestures: Sequence[Gesture], settings: PriorSettings
 ) -> Iterator[tuple[Performed, Row]]:
-    """Make each of the ``gestures`` that the face has the places for, and give it with its row.
+    """Perform each of the ``gestures`` for which the face has the places, and yield the result with its row.
 
-    Each is made under the other priors too, for the gaze.
+    Each is performed with the other priors as well, to measure the gaze.
     """
     for gesture in gestures:
         if not has_places(model.character, gesture):
@@ -100,38 +100,38 @@ def study(
         gaze: dict[str, float | None] = {}
         for prior in PRIORS:
             other = settings.under(prior)
-            made = performed if other == settings else perform(model, gesture, other)
-            gaze[prior] = FaceChange(made).gaze_deg()
+            result = performed if other == settings else perform(model, gesture, other)
+            gaze[prior] = FaceChange(result).gaze_deg()
         yield performed, row_of(performed, character, gaze)
 
 
 def missed(row: Row) -> list[str]:
-    """Return what does not hold of ``row``, each as name, value and limit, the farthest off first.
+    """Return the missed limits of ``row``, each as name, value and limit, the farthest first.
 
-    Where both sides are limited, the worse stands for both.
+    If both sides are limited, the worse represents both.
     """
     worst: dict[str, tuple[float, str]] = {}
-    for judged in (row["must_move"], row["must_not_move"], row["limits"]):
-        for name, entry in judged.items():
+    for entries in (row["must_move"], row["must_not_move"], row["limits"]):
+        for name, entry in entries.items():
             if entry["holds"]:
                 continue
             value = next(entry[key] for key in ("weight", "mm", "share", "value") if key in entry)
             sign, limit = ("≥", entry["at_least"]) if "at_least" in entry else ("≤", entry["at_most"])
-            shown = f"{name} ({entry['prior']} prior)" if "prior" in entry else _without_side(name, judged)
-            off = entry["missed_by"] / max(abs(limit), 0.05)
-            worst[shown] = max(worst.get(shown, (0.0, "")), (off, f"{shown} {value:.2g} ({sign} {limit:g})"))
+            label = f"{name} ({entry['prior']} prior)" if "prior" in entry else _without_side(name, entries)
+            excess = entry["missed_by"] / max(abs(limit), 0.05)
+            worst[label] = max(worst.get(label, (0.0, "")), (excess, f"{label} {value:.2g} ({sign} {limit:g})"))
     return [text for _, text in sorted(worst.values(), reverse=True)]
 
 
-def _without_side(name: str, judged: Row) -> str:
-    """Return ``name`` without its side if that of the other side is ``judged`` too."""
+def _without_side(name: str, entries: Row) -> str:
+    """Return ``name`` without its side if ``entries`` has the other side as well."""
     for own, other, none in (
         ("Left", "Right", ""),
         ("Right", "Left", ""),
         ("_left_", "_right_", "_"),
         ("_right_", "_left_", "_"),
     ):
-        if own in name and name.replace(own, other) in judged:
+        if own in name and name.replace(own, other) in entries:
             return name.replace(own, none)
     return name
 
@@ -143,11 +143,11 @@ def _kind(name: str) -> str:
 
 
 def _bound(value: float | None, limit: float | None) -> Row | None:
-    """Return how ``value`` keeps the upper ``limit``, or None where there is no value or no limit."""
+    """Return the entry of ``value`` with the upper ``limit``, or None without a value or a limit."""
     if value is None or limit is None:
         return None
-    over = max(value - limit, 0.0)
-    return {"value": _rounded(value), "at_most": limit, "missed_by": _rounded(over), "holds": value <= limit}
+    excess = max(value - limit, 0.0)
+    return {"value": _rounded(value), "at_most": limit, "missed_by": _rounded(excess), "holds": value <= limit}
 
 
 def _rounded(value: float | None) -> float | None:

@@ -1,4 +1,4 @@
-"""The rows as tables: gestures by characters, and the part of docs/gestures.md that a study writes."""
+"""Tables of the rows: gestures by characters, and the generated part of docs/gestures.md."""
 
 from collections.abc import Sequence
 
@@ -9,14 +9,14 @@ from faceposer.evaluation.gestures.rows import Row, missed
 from faceposer.evaluation.gestures.table import BY_NAME
 
 BEGIN, END = "<!-- begin: written by scripts/study_gestures.py -->", "<!-- end -->"
-# What a character lacks the places for.
+# Text for gestures for which a character lacks the places.
 _ABSENT = "n/a"
-# So many of what a gesture misses are named, the farthest off first.
+# Number of missed limits that a cell names.
 _NAMED = 2
 
 
 def grid(rows: Sequence[Row]) -> list[list[str]]:
-    """Return the table of gestures by characters with its head and, last, how many hold: "ok", or what is missed."""
+    """Return the table of gestures by characters, with a head and a last line of totals: "ok", or the missed limits."""
     characters = _characters(rows)
     cells = {(row["gesture"], row["character"]): _cell(row) for row in rows}
     lines = [["", *characters]]
@@ -24,8 +24,8 @@ def grid(rows: Sequence[Row]) -> list[list[str]]:
         lines.append([name, *(cells.get((name, character), _ABSENT) for character in characters)])
     totals = []
     for character in characters:
-        of_it = [row["holds"] for row in rows if row["character"] == character]
-        totals.append(f"{sum(of_it)} of {len(of_it)} hold")
+        holds = [row["holds"] for row in rows if row["character"] == character]
+        totals.append(f"{sum(holds)} of {len(holds)} hold")
     return [*lines, ["", *totals]]
 
 
@@ -38,27 +38,27 @@ def summary(rows: Sequence[Row]) -> str:
 
 
 def markdown(rows: Sequence[Row], settings: str) -> str:
-    """Return what a study adds to the page: its ``settings``, the table, and the times of the expressions."""
+    """Return the generated part of the page: the ``settings``, the table, and the times of the expressions."""
     head, *body, totals = grid(rows)
     titled = [[_linked(BY_NAME[line[0]]), *line[1:]] for line in body]
     parts = [f"Settings: {settings}.", _table([head, *titled, ["", *(f"**{total}**" for total in totals[1:])]])]
     timed = _expression_times(rows)
     if timed:
-        parts.append("Time that the solves of an expression take together, in milliseconds:")
+        parts.append("Total time of the solves of an expression, in milliseconds:")
         parts.append(_table(timed))
     return "\n\n".join(parts) + "\n"
 
 
 def spliced(page: str, written: str) -> str:
-    """Return ``page`` with what stands between the marks replaced by ``written``.
+    """Return ``page`` with the text between the marks replaced by ``written``.
 
     Raises:
-        FacePoserError: If the marks are not there.
+        FacePoserError: If the page has no marks.
     """
     before, begin, rest = page.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
-        raise FacePoserError(f"The page lacks the marks '{BEGIN}' and '{END}' between which the tables are written.")
+        raise FacePoserError(f"The page has no marks '{BEGIN}' and '{END}' for the tables; add them.")
     return f"{before}{BEGIN}\n\n{written}\n{END}{after}"
 
 
@@ -67,9 +67,9 @@ def _expression_times(rows: Sequence[Row]) -> list[list[str]]:
     times = {(row["gesture"], row["character"]): row for row in rows}
     lines = [["expression", "gestures", *characters]]
     for gesture in EXPRESSIONS:
-        found = [times.get((gesture.name, character)) for character in characters]
-        if any(found):
-            cells = [f"{row['solves_ms']:.0f}" if row else _ABSENT for row in found]
+        of_gesture = [times.get((gesture.name, character)) for character in characters]
+        if any(of_gesture):
+            cells = [f"{row['solves_ms']:.0f}" if row else _ABSENT for row in of_gesture]
             lines.append([gesture.title, str(len(gesture.actions)), *cells])
     return lines if len(lines) > 1 else []
 
@@ -83,11 +83,11 @@ def _linked(gesture: Gesture) -> str:
 
 
 def _cell(row: Row) -> str:
-    found = missed(row)
-    if not found:
+    texts = missed(row)
+    if not texts:
         return "ok"
-    rest = f", {len(found) - _NAMED} more" if len(found) > _NAMED else ""
-    return ", ".join(found[:_NAMED]) + rest
+    more = f", {len(texts) - _NAMED} more" if len(texts) > _NAMED else ""
+    return ", ".join(texts[:_NAMED]) + more
 
 
 def _table(lines: Sequence[Sequence[str]]) -> str:

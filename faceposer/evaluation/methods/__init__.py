@@ -1,1 +1,1 @@
-"""The techniques that are compared, one file each, behind the interface in ``method.py``."""
+"""Techniques of the comparison, one file each, with the interface in ``method.py``."""

@@ -1,8 +1,8 @@
-"""As-rigid-as-possible deformation (Sorkine and Alexa 2007) by libigl, with the same handles: an outside peer.
+"""As-rigid-as-possible deformation (Sorkine and Alexa 2007) by libigl, with the same handles.
 
-It knows the surface and no expressions. A handle is the vertex nearest to a point; its target lies on the ray through
-the pixel, as far from the picture's plane as the point is on the neutral face. What no shape moves much (the neck's
-edge, the scalp, the back of the head) is held in place, so that the head neither drifts nor turns.
+The method uses the surface only, no expressions. A handle is the vertex closest to a point; its target is on the ray
+through the pixel, at the depth of the point on the neutral face. Vertices that no shape moves much (border of the neck,
+scalp, back of the head) are fixed, so that the head neither drifts nor turns.
 """
 
 from collections.abc import Sequence
@@ -23,16 +23,16 @@ from faceposer.solve.constraints.registry import Constraint
 
 
 class Arap(Method):
-    """The skin with as little local stretching and shearing as the handles allow.
+    """Deformation of the skin with minimal local stretching and shearing.
 
-    The other parts have no handles. Eyeballs stay, for lids that close would drag them along; each other part (lashes,
-    gums with their teeth, tongue) follows as a rigid piece the skin vertices that are nearest to its own at rest, or
-    stays where ``follow`` is off.
+    The other parts have no handles. Eyeballs do not move, since closing lids would drag them along. Each other part
+    (lashes, gums with teeth, tongue) moves rigidly with the skin vertices closest to it on the neutral face, or not at
+    all without ``follow``.
 
-    Held is what no shape moves by more than the share ``still`` of the greatest motion of any vertex.
+    Vertices are fixed if no shape moves them by more than the share ``still`` of the largest motion of any vertex.
 
-    A set of handles is factorised anew for each solve, as a new pin asks for; ``factorised`` and ``deformed`` are the
-    two halves, the second being what remains while pins are dragged.
+    Each solve factorises its set of handles, as adding a pin requires. ``factorised`` and ``deformed`` are the two
+    steps; only the second is needed while pins are dragged.
     """
 
     name = "arap"
@@ -49,7 +49,7 @@ class Arap(Method):
     max_trials: ClassVar[int | None] = 60
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Take the skin of the ``setting``'s face, and find what is held.
+        """Extract the skin of the face and its fixed vertices.
 
         Raises:
             FacePoserError: If libigl is not installed.
@@ -62,14 +62,14 @@ class Arap(Method):
         self._character = character = setting.character
         self._skin = skin_vertices(character)
         self._vertices = np.ascontiguousarray(character.vertices[self._skin], dtype=np.float64)
-        # The number of each vertex among those of the skin, -1 of the others.
-        self._among_skin = np.full(len(character.vertices), -1, dtype=np.int64)
-        self._among_skin[self._skin] = np.arange(len(self._skin))
-        triangles = self._among_skin[character.triangles]
+        # Index of each vertex among those of the skin, -1 for the others.
+        self._skin_index = np.full(len(character.vertices), -1, dtype=np.int64)
+        self._skin_index[self._skin] = np.arange(len(self._skin))
+        triangles = self._skin_index[character.triangles]
         self._triangles = np.ascontiguousarray(triangles[(triangles >= 0).all(axis=1)])
         motion = np.linalg.norm(character.shapes[:, self._skin].astype(np.float64), axis=2).max(axis=0)
         still = motion <= parameters["still"] * motion.max()
-        self._still = np.flatnonzero(still | self._adrift(still))
+        self._fixed = np.flatnonzero(still | self._unanchored(still))
         self._iterations = int(parameters["iterations"])
         self._energy = getattr(igl.ARAPEnergyType, f"ARAP_ENERGY_TYPE_{parameters['energy']}")
         self._followers: list[tuple[slice, NDArray[np.intp]]] = []
@@ -82,36 +82,37 @@ class Arap(Method):
                     if len(ids) >= 3:
                         self._followers.append((run, ids))
 
-    def _adrift(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which vertices of the skin, shape (n,), lie on pieces, but the largest, of which nothing is ``still``.
+    def _unanchored(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the mask of skin vertices, shape (n,), on components, except the largest, without ``still`` vertices.
 
-        With no handle on them either, nothing would say where they are: modelled brows and teeth are such pieces.
+        Such components (modelled brows and teeth, for example) may have no handle either, which would leave their
+        place undefined.
         """
         edges = self._triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
         n = len(self._vertices)
         graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
-        pieces, of = connected_components(graph, directed=False)
-        free = np.bincount(of, still, pieces) == 0
-        free[np.bincount(of, minlength=pieces).argmax()] = False
-        adrift: NDArray[np.bool_] = free[of]
-        return adrift
+        n_components, labels = connected_components(graph, directed=False)
+        free = np.bincount(labels, still, n_components) == 0
+        free[np.bincount(labels, minlength=n_components).argmax()] = False
+        unanchored: NDArray[np.bool_] = free[labels]
+        return unanchored
 
     def held(self, handles: Handles) -> tuple[NDArray[np.int32], Array]:
-        """Return the skin vertices that are held or moved, shape (b,), and where they go, (b, 3).
+        """Return the skin vertices that are fixed or moved, shape (b,), and their targets, (b, 3).
 
-        Handles that fall on one vertex take it to the mean of where they want it.
+        Several handles at the same vertex move it to the mean of their targets.
         """
-        moved, which, counts = np.unique(self._among_skin[handles.vertices], return_inverse=True, return_counts=True)
+        moved, inverse, counts = np.unique(self._skin_index[handles.vertices], return_inverse=True, return_counts=True)
         sums = np.zeros((len(moved), 3))
-        np.add.at(sums, which, handles.displacements())
-        still = np.setdiff1d(self._still, moved)
-        ids = np.concatenate([moved, still])
+        np.add.at(sums, inverse, handles.displacements())
+        fixed = np.setdiff1d(self._fixed, moved)
+        ids = np.concatenate([moved, fixed])
         targets = self._vertices[ids]
         targets[: len(moved)] += sums / counts[:, None]
         return ids.astype(np.int32), targets
 
     def factorised(self, ids: NDArray[np.int32]) -> Any:
-        """Return libigl's data for the skin with the vertices ``ids``, shape (b,), held."""
+        """Return libigl's precomputed data for the skin with constrained vertices ``ids``, shape (b,)."""
         data = self._igl.ARAPData()
         data.energy = self._energy
         data.max_iter = self._iterations
@@ -119,12 +120,12 @@ class Arap(Method):
         return data
 
     def deformed(self, data: Any, targets: Array) -> Array:
-        """Return the skin's vertices, shape (n, 3), with those that ``data`` was made for at ``targets``, (b, 3)."""
+        """Return the skin's vertices, (n, 3), with the constrained vertices of ``data`` at ``targets``, (b, 3)."""
         vertices: Array = self._igl.arap_solve(targets, data, self._vertices)
         return vertices
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return the deformed skin's vertices, shape (n, 3), from the neutral face."""
+        """Deform the skin of the neutral face and return its vertices, shape (n, 3)."""
         ids, targets = self.held(Handles.of(self._character, constraints))
         return self.deformed(self.factorised(ids), targets)
 

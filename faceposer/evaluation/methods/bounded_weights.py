@@ -1,4 +1,4 @@
-"""Bounded least squares on the rig's weights, which riggers call direct manipulation (Lewis and Anjyo 2010)."""
+"""Bounded least squares on the rig's weights, known as direct manipulation (Lewis and Anjyo 2010)."""
 
 from collections.abc import Sequence
 
@@ -11,16 +11,16 @@ from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import ResidualTerm
 
-_MOST_STEPS = 100
-# A step that changes no weight by more than this is the last.
-_CHANGES = 1e-3
+_MAX_ITERATIONS = 100
+# Largest change of a weight at convergence.
+_TOLERANCE = 1e-3
 
 
 class BoundedWeights(ModelMethod):
-    """The rig weights within their limits that fit best, with a small ridge: Gauss-Newton steps of bounded problems.
+    """Best-fitting rig weights within their limits, with a small ridge, by Gauss-Newton steps of bounded problems.
 
-    Steps end where none of the weights, which go from 0 to 1, changes by more than a thousandth. Points and distances
-    need two or three; strokes, which are told to cover each other by nearest pixels, dozens.
+    Iteration ends when no weight, in the range of 0 to 1, changes by more than a thousandth. Points and distances need
+    two or three steps; strokes, which are matched by nearest pixels, dozens.
     """
 
     name = "bounded-weights"
@@ -29,11 +29,11 @@ class BoundedWeights(ModelMethod):
     grid = {"ridge": (1.0, 3.0, 10.0, 14.0, 20.0, 30.0, 50.0, 100.0, 300.0)}
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Take the rig of the ``setting``'s face."""
+        """Prepare the rig of the face."""
         self.model = setting.full
         character = self.model.character
         projection = self.model.subspace.projection
-        # A shape that moves nothing has nothing to fit.
+        # Shapes that move nothing have no weight to fit.
         self._moving = np.flatnonzero(np.diag(self.model.gram) > 0)
         self._to_coefficients = projection[:, self._moving]
         self._limits = character.shape_limits[self._moving].T.astype(np.float64)
@@ -45,21 +45,21 @@ class BoundedWeights(ModelMethod):
         terms = [term for term in problem.terms if isinstance(term, ResidualTerm)]
         weights = np.zeros(len(self._moving))
         lower, upper = self._limits
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_ITERATIONS):
             state = problem.state(self._to_coefficients @ weights)
             roots = [np.sqrt(term.weights) for term in terms]
             rows = np.concatenate(
                 [root[:, None] * term.jacobian(state) for root, term in zip(roots, terms, strict=True)]
             )
-            off = np.concatenate([root * term.residual(state) for root, term in zip(roots, terms, strict=True)])
+            residuals = np.concatenate([root * term.residual(state) for root, term in zip(roots, terms, strict=True)])
             rows = rows @ self._to_coefficients
             if len(rows) > len(weights):
-                # Only the products matter: a stroke's hundreds of rows are as good as so many as there are weights.
-                orthogonal, rows_of = np.linalg.qr(rows)
-                off, rows = orthogonal.T @ off, rows_of
-            system = np.concatenate([rows, self._ridge])
-            wanted = np.concatenate([rows @ weights - off, np.zeros(len(weights))])
-            before, weights = weights, lsq_linear(system, wanted, bounds=(lower, upper), method="bvls").x
-            if np.abs(weights - before).max() <= _CHANGES:
+                # A QR decomposition reduces the hundreds of rows of a stroke to as many as there are weights.
+                q, r = np.linalg.qr(rows)
+                residuals, rows = q.T @ residuals, r
+            matrix = np.concatenate([rows, self._ridge])
+            target = np.concatenate([rows @ weights - residuals, np.zeros(len(weights))])
+            previous, weights = weights, lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x
+            if np.abs(weights - previous).max() <= _TOLERANCE:
                 break
         return self._to_coefficients @ weights

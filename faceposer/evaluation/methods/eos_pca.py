@@ -1,9 +1,9 @@
-"""The linear fit of eos, a library of morphable models (Huber et al. 2016), to the same points: an outside peer.
+"""Linear fit by eos, a library of morphable models (Huber et al. 2016), to the same points.
 
-eos knows one affine camera, landmarks at vertices and one Gaussian over principal components. It gets the basis, the
-variances and the mean of ``ppca``. Its camera is the affine map nearest to ours over all vertices that some shape
-moves, on the neutral face. Each landmark is shifted by what both cameras show apart at its point of the neutral face,
-and by the way from the point to the nearest vertex: a target where the point is costs nothing, as with our camera.
+eos has an affine camera, landmarks at vertices and a single Gaussian over principal components. It is given the basis,
+variances and mean of ``ppca``. Its camera is the affine map closest to ours over all vertices that any shape moves, on
+the neutral face. Each landmark is shifted by the difference of the two cameras at its point of the neutral face, and by
+the offset from the point to the closest vertex, so that a target at the point itself has no error, as with our camera.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,10 @@ from faceposer.solve.constraints.registry import Constraint
 
 
 class EosPca(ModelMethod):
-    """Least |A c - y|^2 / sigma^2 + lambda |c|^2, with c in standard deviations: one linear system, in C++.
+    """Minimum of |A c - y|^2 / sigma^2 + lambda |c|^2, with c in standard deviations: one linear system, in C++.
 
-    sigma is that of our points. eos's deviations of detector and model enter by their sum alone, and only its product
-    with lambda matters: that is what is tuned. Weights of constraints are not known to it.
+    sigma is that of our points. The detector and model deviations of eos enter only by their sum, and only its product
+    with lambda matters, which is tuned. Weights of constraints are ignored.
     """
 
     name = "eos"
@@ -37,12 +37,12 @@ class EosPca(ModelMethod):
         "coefficients": (10, 20, 54),
         "lambda": (0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0),
     }
-    # No shipped head has more shapes.
+    # No shipped character has more shapes.
     natural_ends = {"coefficients": (54,)}
     requires: ClassVar[str | None] = "eos"
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Hand the basis over to eos.
+        """Create the PCA model of eos from the basis.
 
         Raises:
             FacePoserError: If eos is not installed.
@@ -69,20 +69,20 @@ class EosPca(ModelMethod):
         self._affine = (setting.camera, self._nearest_affine(setting.camera))
 
     def _nearest_affine(self, camera: Camera) -> Array:
-        """Return the matrix, (3, 4), that takes homogeneous points to about the pixels, v down, of ``camera``."""
+        """Return the affine approximation of ``camera``, shape (3, 4): homogeneous points to pixels, v down."""
         points = self._character.vertices[self._moving].astype(np.float64)
         homogeneous = np.column_stack([points, np.ones(len(points))])
         rows = np.linalg.lstsq(homogeneous, camera.project(points), rcond=None)[0].T
         return np.concatenate([rows, [[0.0, 0.0, 0.0, 1.0]]])
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return the coefficients, shape (r,), that eos fits."""
+        """Return the coefficients, shape (r,), fitted by eos."""
         handles = Handles.of(self._character, constraints)
         if self._affine[0] != handles.camera:
             self._affine = (handles.camera, self._nearest_affine(handles.camera))
         affine = self._affine[1]
-        at_rest = self._character.vertices[handles.vertices] @ affine[:2, :3].T + affine[:2, 3]
-        landmarks = at_rest + handles.targets - handles.camera.project(handles.places)
+        neutral = self._character.vertices[handles.vertices] @ affine[:2, :3].T + affine[:2, 3]
+        landmarks = neutral + handles.targets - handles.camera.project(handles.places)
         fitted = self._fit(
             self._pca,
             affine.astype(np.float32),
@@ -93,6 +93,6 @@ class EosPca(ModelMethod):
             model_standard_deviation=0.0,
             **{"lambda": self._lambda},
         )
-        found = self._mean.copy()
-        found[: self._n] += self._deviations[: self._n] * np.asarray(fitted)
-        return found
+        coefficients = self._mean.copy()
+        coefficients[: self._n] += self._deviations[: self._n] * np.asarray(fitted)
+        return coefficients

@@ -1,4 +1,4 @@
-"""Optimisation in the subspace of principal components, without a prior (PCA) and with one Gaussian (PPCA)."""
+"""Optimisation in the subspace of principal components, without a prior (PCA) or with a Gaussian prior (PPCA)."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,12 @@ from faceposer.solve.problem import PoseProblem
 
 
 def gaussian_model(setting: StudyContext, augmented: bool, energy: float) -> FaceModel:
-    """Return the face with one Gaussian, in as many principal components as have a share ``energy`` of the variance."""
+    """Return the face with a Gaussian over the principal components that explain the share ``energy`` of variance."""
     return model_with_energy(setting, setting.plain(setting.examples if augmented else setting.frames), energy)
 
 
 class Ppca(ModelMethod):
-    """One Gaussian over the subspace as the prior."""
+    """MAP optimisation with a Gaussian prior over the subspace."""
 
     name = "ppca"
     title = "PCA with one Gaussian (PPCA)"
@@ -35,19 +35,19 @@ class Ppca(ModelMethod):
         self._weight = parameters["prior_weight"]
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return the coefficients, shape (r,), of the likeliest face."""
+        """Return the coefficients, shape (r,), of the most probable face."""
         problem = PoseProblem(self.model, constraints, prior_weight=self._weight, mixture=self.model.mixture)
         return solve(problem).coefficients
 
 
 class Pca(ModelMethod):
-    """No prior: only the subspace holds the face together."""
+    """Least squares without a prior; only the subspace constrains the face."""
 
     name = "pca"
     title = "PCA without a prior"
     parameters = {"augmented": False, "energy": 0.5}
     grid = {"augmented": (False, True), "energy": (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1.0)}
-    # The first component alone has more than half.
+    # The first component alone explains more than half.
     natural_ends = {"energy": (0.5, 1.0)}
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:

@@ -1,4 +1,4 @@
-"""Points of the surface as methods take them that know vertices alone."""
+"""Point constraints as handles at vertices, for methods without surface points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Handles:
-    """Points of one picture, with the vertices that stand for them.
+    """Points of one view with their closest vertices.
 
     Attributes:
-        vertices: The corner nearest to each point of its triangle, shape (n,).
-        places: The points themselves on the neutral face, shape (n, 3).
-        targets: Where each should appear, in pixels, shape (n, 2).
-        camera: Of the picture.
+        vertices: Closest corner of the triangle of each point, shape (n,).
+        places: Positions of the points on the neutral face, shape (n, 3).
+        targets: Target pixels of the points, shape (n, 2).
+        camera: Camera of the view.
     """
 
     vertices: NDArray[np.intp]
@@ -34,18 +34,18 @@ class Handles:
 
     @classmethod
     def of(cls, character: Character, constraints: Sequence[Constraint]) -> "Handles":
-        """Return the handles that ``constraints`` make of the ``character``; those that are off are left out.
+        """Return the handles for the enabled ``constraints`` on ``character``.
 
         Raises:
-            TypeError: If a constraint is no point.
-            ValueError: If there is none, or they were drawn in different views.
+            TypeError: If a constraint is not a point.
+            ValueError: If none is enabled, or they have different cameras.
         """
         points = [constraint for constraint in constraints if isinstance(constraint, PointConstraint)]
         if len(points) < len(constraints):
-            raise TypeError("only points are handles")
+            raise TypeError("only point constraints can be handles")
         points = [point for point in points if point.enabled and point.weight > 0]
         if len({point.camera for point in points}) != 1:
-            raise ValueError("handles are points of one view, at least one of them enabled")
+            raise ValueError("handles must be points of one view, at least one of them enabled")
         surface = SurfacePoints.of([point.anchor for point in points])
         corners = surface.corners(character.triangles)
         nearest = corners[np.arange(len(corners)), surface.barycentric.argmax(axis=1)]
@@ -57,13 +57,13 @@ class Handles:
         )
 
     def displacements(self) -> Array:
-        """Return the way of each point to its pixel that keeps its distance from the picture's plane, (n, 3)."""
+        """Return the displacement of each point to its pixel at constant depth, shape (n, 3)."""
         depths = self.camera.to_camera(self.places)[:, 2:]
         offsets = self.targets - self.camera.project(self.places)
-        moved: Array = (offsets * depths / self.camera.focal) @ self.camera.rotation[:2]
-        return moved
+        displacements: Array = (offsets * depths / self.camera.focal) @ self.camera.rotation[:2]
+        return displacements
 
 
 def missing_package(method: str, package: str) -> FacePoserError:
-    """Return what to raise where ``method`` does not find the ``package`` that it is made of."""
+    """Return the error for a ``method`` that needs the missing ``package``."""
     return FacePoserError(f"The method '{method}' needs the package '{package}': pip install 'faceposer[bench]'.")

@@ -1,4 +1,4 @@
-"""Interp-all: all examples blended, each by how well it fits the constraints (Parke 1972; Sloan et al. 2001)."""
+"""Interp-all: a blend of all examples, weighted by their fit to the constraints (Parke 1972; Sloan et al. 2001)."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from faceposer.solve.constraints.registry import Constraint
 
 
 class InterpAll(ModelMethod):
-    """The mean of all examples, each with the weight exp(-energy / temperature)."""
+    """Mean of all examples with the weights exp(-energy / temperature)."""
 
     name = "interp-all"
     title = "Interpolation of all examples (Interp-all)"
@@ -19,7 +19,7 @@ class InterpAll(ModelMethod):
     grid = {"augmented": (False, True), "temperature": (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)}
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Take the examples of the ``setting``."""
+        """Load the examples of ``setting``."""
         self._examples = Examples(setting, parameters["augmented"])
         self.model = self._examples.model
         self._temperature = parameters["temperature"]

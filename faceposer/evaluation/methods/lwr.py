@@ -1,4 +1,4 @@
-"""Locally weighted regression over the examples nearest to the constraints (LWR; Chai et al. 2003)."""
+"""Locally weighted regression on the examples nearest to the constraints (LWR; Chai et al. 2003)."""
 
 from collections.abc import Sequence
 
@@ -14,12 +14,12 @@ from faceposer.solve.problem import PoseProblem
 
 
 class Lwr(ModelMethod):
-    """A linear regression of the pose on the constraints' values, from the k nearest examples, weighted by nearness.
+    """Linear regression of the pose on the constraints' values, from the k nearest examples, weighted by distance.
 
-    Linear regression with the hand's noise as its ridge is the mean of the pose given the constraints under the
-    examples' weighted mean and covariance; taken so, it works for strokes too, whose values are no fixed vector, and
-    follows the perspective by the same solver as the other methods. The weight of an example is tricubic in its root
-    energy relative to that of the k-th (Cleveland 1979).
+    Linear regression with the target noise as its ridge is the mean of the pose conditioned on the constraints, under
+    the weighted mean and covariance of the examples. In this form it also works for strokes, which have no fixed vector
+    of values, and handles perspective by the same solver as the other methods. The weight of an example is tricubic in
+    its root energy relative to that of the k-th (Cleveland 1979).
     """
 
     name = "lwr"
@@ -34,17 +34,17 @@ class Lwr(ModelMethod):
     natural_ends = {"neighbours": (12000,)}
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Take the examples of the ``setting``."""
+        """Load the examples of ``setting``."""
         self._examples = Examples(setting, parameters["augmented"])
         self.model = self._examples.model
         self._neighbours = parameters["neighbours"]
         self._weight = parameters["prior_weight"]
-        # The ridge is in the rig's weights, whose unit does not depend on the mesh.
+        # The ridge applies to the rig's weights, whose unit does not depend on the mesh.
         projection = self.model.subspace.projection
         self._ridge = parameters["ridge"] * projection @ projection.T
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return the coefficients, shape (r,), that the regression gives."""
+        """Return the coefficients, shape (r,), of the regression."""
         energies = self._examples.energies(constraints)
         k = min(self._neighbours, len(energies) - 1)
         order = np.argpartition(energies, k)[: k + 1]

@@ -1,4 +1,4 @@
-"""What a technique of the comparison is: from constraints to a face."""
+"""Interface of the techniques of the comparison, from constraints to a face."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar
@@ -18,21 +18,20 @@ KINDS = ("point", "distance", "stroke")
 
 
 class Method:
-    """A technique, prepared on one face.
+    """A technique, prepared for one face.
 
-    Subclasses say what they are called, what they can be told, which parameters they have been tuned to, and how they
-    find a pose. All learning and factoring that does not depend on constraints belongs into ``__init__``: ``solve`` is
-    timed.
+    Subclasses define their name, the supported constraints, tuned parameters, and the solve. Learning and factorisation
+    that do not depend on constraints belong in ``__init__``, since ``solve`` is timed.
 
     Attributes:
-        name: As in tables.
-        title: In words.
-        kinds: The constraints that it understands.
-        parameters: What ``faceposer evaluate --tune`` found best on the end of the training take.
-        grid: The values of each parameter between which it chose.
-        natural_ends: Ends of these grids, by parameter, beyond which there is nothing to offer, such as all examples.
-        requires: An optional package that it imports, without which a study passes it over; None if there is none.
-        max_trials: So many trials of a cell at most, of a technique too slow for all; None for all.
+        name: Name in tables and options.
+        title: Descriptive name.
+        kinds: Supported kinds of constraints.
+        parameters: Parameters tuned by ``faceposer evaluate --tune`` on folds of the training take.
+        grid: Values of each parameter from which tuning chooses.
+        natural_ends: Ends of these grids, by parameter, beyond which no values exist, such as all examples.
+        requires: Optional package that it imports, without which a study skips it; None if there is none.
+        max_trials: Largest number of trials of a cell, for slow techniques; None for all.
     """
 
     name: ClassVar[str]
@@ -45,22 +44,22 @@ class Method:
     max_trials: ClassVar[int | None] = None
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Prepare the method for a ``setting``; ``parameters`` are complete."""
+        """Prepare the method for ``setting``, with a value for each of the ``parameters``."""
         raise NotImplementedError
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return what stands for the face that the method finds for ``constraints``, as ``vertices`` takes it."""
+        """Return the representation of the face found for ``constraints``, which ``vertices`` accepts."""
         raise NotImplementedError
 
     def vertices(self, found: Array) -> ArrayLike:
-        """Return the vertices, shape (N, 3), of what ``solve`` returned."""
+        """Return the vertices, shape (N, 3), of the face that ``solve`` returned."""
         raise NotImplementedError
 
 
 def posed(model: FaceModel, coefficients: Array) -> ArrayLike:
-    """Return the vertices, shape (N, 3), by which a pose with ``coefficients``, shape (r,), is judged.
+    """Return the vertices, shape (N, 3), by which a pose with ``coefficients``, shape (r,), is evaluated.
 
-    All techniques that find coefficients, and the scripts that study priors, make vertices here and nowhere else.
+    All techniques that find coefficients, and the scripts that study priors, use this function.
     """
     return model.instance(coefficients)
 
@@ -69,7 +68,7 @@ class ModelMethod(Method):
     """A technique that finds coefficients of a face model.
 
     Attributes:
-        model: The face in whose coefficients, shape (r,), the method's answers are.
+        model: The face to which the coefficients, shape (r,), apply.
     """
 
     model: FaceModel
@@ -80,5 +79,5 @@ class ModelMethod(Method):
 
 
 def prepared(kind: type[Method], setting: StudyContext, **changes: Any) -> Method:
-    """Return the method ``kind`` on a ``setting``, with its tuned parameters but for ``changes``."""
+    """Return the method ``kind`` prepared for ``setting``, with its tuned parameters except ``changes``."""
     return kind(setting, {**kind.parameters, **changes})

@@ -1,4 +1,4 @@
-"""Mixtures of factor analyzers: the prior that ships, over regions or the whole face, and the paper's recipe."""
+"""Mixtures of factor analyzers: the shipped prior, over regions or the whole face, and the paper's recipe."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 
-#: What ``PoseProblem`` is told of the program's own prior, by technique; nothing is what a new session has.
+#: Arguments of ``PoseProblem`` for the shipped prior, by technique; none gives the defaults of a new session.
 PRIOR_ARGUMENTS: dict[str, dict[str, Any]] = {
     "mfa": {},
     "mfa-whole": {"spread": 1.0},
@@ -19,7 +19,7 @@ PRIOR_ARGUMENTS: dict[str, dict[str, Any]] = {
 
 
 class ShippedMfa(ModelMethod):
-    """What ships: the mixture seen from the start and near to the constraints, with bounds on the rig's weights."""
+    """The shipped method: the mixture conditioned on the start, near the constraints, with bounds on the weights."""
 
     name = "mfa"
     title = "Mixture of factor analyzers, as shipped"
@@ -27,32 +27,32 @@ class ShippedMfa(ModelMethod):
     grid = {"prior_weight": (0.25, 0.5, 1.0, 1.5, 2.0, 4.0)}
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Prepare the method for a ``setting``."""
+        """Prepare the method for ``setting``."""
         self.model = setting.model
         self._weight = parameters["prior_weight"]
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return the coefficients, shape (r,), of the likeliest face."""
+        """Return the coefficients, shape (r,), of the most probable face."""
         arguments = PRIOR_ARGUMENTS[self.name]
         return solve(PoseProblem(self.model, constraints, prior_weight=self._weight, **arguments)).coefficients
 
 
 class WholeMfa(ShippedMfa):
-    """The same with *Spread* at the whole face: what is pulled takes along all that usually goes with it."""
+    """The same with *Spread* at the whole face: the whole face follows a pull as it usually moves."""
 
     name = "mfa-whole"
     title = "The same, Spread at whole face"
 
 
 class UndampedMfa(ShippedMfa):
-    """The same by the prior *Whole face*: regions tell of each other all that the mixture says."""
+    """The same with the prior *Whole face*: correlations between regions are not damped."""
 
     name = "mfa-undamped"
     title = "The same, regions not damped"
 
 
 class PlainMfa(ModelMethod):
-    """The paper's recipe (section 5): plain maximum likelihood, the modes where the data have them."""
+    """The paper's recipe (section 5): plain maximum likelihood, with the modes at those of the data."""
 
     name = "mfa-plain"
     title = "Mixture of factor analyzers by plain maximum likelihood (the paper)"
@@ -66,13 +66,13 @@ class PlainMfa(ModelMethod):
     natural_ends = {"energy": (1.0,)}
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Learn the mixture from the captures of the ``setting``."""
+        """Learn the mixture from the captures of ``setting``."""
         examples = setting.examples if parameters["augmented"] else setting.frames
         statistics = setting.by_likelihood(examples, parameters["components"], parameters["factors"])
         self.model = model_with_energy(setting, statistics, parameters["energy"])
         self._weight = parameters["prior_weight"]
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return the coefficients, shape (r,), of the likeliest face."""
+        """Return the coefficients, shape (r,), of the most probable face."""
         problem = PoseProblem(self.model, constraints, prior_weight=self._weight, mixture=self.model.mixture)
         return solve(problem).coefficients

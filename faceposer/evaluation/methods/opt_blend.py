@@ -1,4 +1,4 @@
-"""Opt-blend: a weight for every example of the database, optimised for the constraints (Zhang et al. 2004)."""
+"""Opt-blend: optimised weights of all examples of the database (Zhang et al. 2004)."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,11 @@ from faceposer.solve.problem import PoseProblem
 
 
 class OptBlend(ModelMethod):
-    """The face is a blend of all examples with weights of at least 0, and as few of them as the constraints ask for.
+    """Blend of all examples with non-negative weights.
 
-    Added to the constraints' energy are ``sum_penalty`` * (sum of weights - 1)^2, which keeps the blend within what the
-    examples span, and ``ridge`` * n * sum of squared weights, which is least where all examples count the same. The
-    neutral face is one of them, so that the start is a blend, too.
+    Added to the energy of the constraints are ``sum_penalty`` * (sum of weights - 1)^2, which keeps the blend within
+    the span of the examples, and ``ridge`` * n * sum of squared weights, which is least for equal weights. The neutral
+    face is one of the examples, so that the start is a blend as well.
     """
 
     name = "opt-blend"
@@ -33,7 +33,7 @@ class OptBlend(ModelMethod):
     natural_ends = {"examples": (12000,)}
 
     def __init__(self, setting: StudyContext, parameters: Parameters) -> None:
-        """Take the examples of the ``setting``."""
+        """Load the examples of ``setting``."""
         examples = Examples(setting, parameters["augmented"], parameters["examples"])
         self.model = examples.model
         self._coefficients = np.concatenate([np.zeros((1, self.model.n_coefficients)), examples.coefficients])
@@ -41,15 +41,15 @@ class OptBlend(ModelMethod):
         self._penalty, self._iterations = parameters["sum_penalty"], parameters["iterations"]
 
     def solve(self, constraints: Sequence[Constraint]) -> Array:
-        """Return the coefficients, shape (r,), of the best blend, from the neutral face."""
+        """Return the coefficients, shape (r,), of the best blend."""
         problem = PoseProblem(self.model, constraints, bare=True)
         rows = self._coefficients
 
         def energy(weights: Array) -> tuple[float, Array]:
-            value, slope = problem.energy_and_gradient(weights @ rows)
+            value, gradient = problem.energy_and_gradient(weights @ rows)
             excess = weights.sum() - 1.0
             value += self._penalty * excess**2 + self._ridge * float(weights @ weights)
-            return value, rows @ slope + 2.0 * self._penalty * excess + 2.0 * self._ridge * weights
+            return value, rows @ gradient + 2.0 * self._penalty * excess + 2.0 * self._ridge * weights
 
         start = np.full(len(rows), 1.0 / len(rows))
         result = minimize(

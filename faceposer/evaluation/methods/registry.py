@@ -1,4 +1,4 @@
-"""All techniques of the comparison by name; those of the extra "bench" import their packages when prepared."""
+"""Techniques of the comparison by name; those of the extra "bench" import their packages when they are prepared."""
 
 from faceposer.evaluation.methods.arap import Arap
 from faceposer.evaluation.methods.bounded_weights import BoundedWeights

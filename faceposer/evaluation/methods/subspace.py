@@ -1,4 +1,4 @@
-"""Subspaces of as many principal components as have a share of the variance."""
+"""Subspaces of the principal components that explain a given share of the variance."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ from faceposer.model.face_model import FaceModel, build_face_model
 
 
 def model_with_energy(setting: StudyContext, statistics: ExpressionStatistics, energy: float) -> FaceModel:
-    """Return the face with the density ``statistics``, in its first components of plain squared distance.
+    """Return the face with the density ``statistics``, in its first principal components of plain squared distance.
 
     Args:
-        setting: Has the face.
+        setting: Setting with the face.
         statistics: Moments and density of the weights of ``ARKIT_SHAPES``.
-        energy: Share of the variance that the components have at least, up to 1 for all of them.
+        energy: Share of the variance that the components explain at least; 1 for all of them.
     """
     full = build_face_model(setting.character, statistics, len(setting.character.shape_names), "plain")
     shares = np.cumsum(full.subspace.variances) / full.subspace.variances.sum()

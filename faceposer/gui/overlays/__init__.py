@@ -1,1 +1,1 @@
-"""What is drawn over the view for constraints."""
+"""Overlays of the view for constraints."""

@@ -1,4 +1,4 @@
-"""What panels and the view show of a session's constraints, worked out anew only when it has changed."""
+"""Marks, names and conflicts of a session's constraints, recomputed only after changes."""
 
 from collections.abc import Callable
 
@@ -17,17 +17,17 @@ from faceposer.tools.toolbox import Toolbox
 
 
 class DrawnConstraints:
-    """The constraints of a session as they appear now.
+    """The constraints of a session as panels and the view show them.
 
     Attributes:
-        names: What people call places of the face.
-        hidden: Which constraints the user has hidden in the view.
+        names: Names of locations on the face.
+        hidden: Constraints hidden in the view by the user.
     """
 
     def __init__(
         self, session: Session, scene: Scene, viewport: Viewport, toolbox: Toolbox, busy: Callable[[], bool]
     ) -> None:
-        """Show ``session``; ``busy`` says whether its document is being changed."""
+        """Show ``session``; ``busy`` returns True while its document is being changed."""
         self._session, self._scene, self._viewport, self._toolbox = session, scene, viewport, toolbox
         self._busy = busy
         self.names = PointNames(session.model.character)
@@ -41,7 +41,7 @@ class DrawnConstraints:
 
     @property
     def pins(self) -> list[PinMark]:
-        """How the pins appear in the view."""
+        """Marks of the pins in the view."""
         key = self._key()
         if key != self._pins[0]:
             self._pins = (key, pin_marks(self._viewport, self._scene, self._toolbox.active))
@@ -49,25 +49,25 @@ class DrawnConstraints:
 
     @property
     def marks(self) -> dict[int | None, Mark]:
-        """How all other constraints appear in the view, by index; None is the key of the offered handle of the gaze."""
+        """Marks of all other constraints by index; None is the key of the gaze handle before there is a constraint."""
         toolbox = self._toolbox
-        offers_gaze = toolbox.chosen is toolbox.gaze_tool
-        key = (*self._key(), offers_gaze)
+        shows_gaze = toolbox.chosen is toolbox.gaze_tool
+        key = (*self._key(), shows_gaze)
         if key != self._marks[0]:
             view = MarkView(self._viewport, self._scene, toolbox.active)
-            made = ((i, mark_of(i, c, view)) for i, c in enumerate(self._session.document.constraints))
-            marks: dict[int | None, Mark] = {i: mark for i, mark in made if mark is not None}
+            created = ((i, mark_of(i, c, view)) for i, c in enumerate(self._session.document.constraints))
+            marks: dict[int | None, Mark] = {i: mark for i, mark in created if mark is not None}
             gaze = toolbox.gaze_tool
-            if offers_gaze and gaze.constraint(self._viewport) is None:
-                offered = handle_mark(None, gaze.direction(self._viewport), view)
-                if offered is not None:
-                    marks[None] = offered
+            if shows_gaze and gaze.constraint(self._viewport) is None:
+                handle = handle_mark(None, gaze.direction(self._viewport), view)
+                if handle is not None:
+                    marks[None] = handle
             self._marks = (key, marks)
         return self._marks[1]
 
     @property
     def conflicts(self) -> dict[int, str]:
-        """What holds constraints back that are not met, by their index; nothing while the face is being pulled."""
+        """Reasons why constraints are not met, by index; empty while the document is being changed."""
         session, document = self._session, self._session.document
         if self._busy() or not document.solved:
             return {}
@@ -91,6 +91,6 @@ class DrawnConstraints:
                     texts[conflict.index] = "Not reached: beyond this face's natural range."
                 else:
                     opponent = document.constraints[conflict.opponent]
-                    texts[conflict.index] = f"Fights with {self.names.of(opponent)} ({opponent.noun})."
+                    texts[conflict.index] = f"Conflicts with {self.names.of(opponent)} ({opponent.noun})."
             self._conflicts = (session.revision, texts)
         return self._conflicts[1]

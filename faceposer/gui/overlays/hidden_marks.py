@@ -1,10 +1,10 @@
-"""Which constraints the user has hidden in the view; they count as before."""
+"""Constraints hidden in the view by the user; they remain in effect."""
 
 from faceposer.solve.constraints.registry import Constraint
 
 
 class HiddenMarks:
-    """The hidden constraints of one session, by index; they keep to their constraints when others come and go."""
+    """The hidden constraints of a session, tracked while constraints are added and removed."""
 
     def __init__(self) -> None:
         self._known: tuple[Constraint, ...] = ()
@@ -13,8 +13,8 @@ class HiddenMarks:
     def indices(self, constraints: tuple[Constraint, ...]) -> frozenset[int]:
         """Return the indices of those of ``constraints`` that are hidden.
 
-        Constraints are immutable: as long as their number stays, the index tells which is which though one was
-        changed; otherwise those that are still there are the same objects.
+        While the number of constraints is unchanged, they are identified by index, as a changed constraint is a new
+        object; otherwise by identity, as the remaining constraints are the same objects.
         """
         if constraints is not self._known:
             if len(constraints) != len(self._known):

@@ -1,6 +1,6 @@
-"""Draws lines, dots, bands and knobs over the view, from which the marks of constraints are made.
+"""Drawing primitives of constraint marks: lines, dots, bands, handles and text over the view.
 
-Blue is what is taken on the face, green where it should be, red what is held.
+Sources on the face are blue, targets green, fixed vertices red.
 """
 
 from typing import Any
@@ -18,28 +18,28 @@ Array = NDArray[np.float64]
 
 
 class Painter:
-    """Draws into one view; lengths are pixels at normal density.
+    """Draws into a view; lengths are pixels at normal density.
 
     Attributes:
         scale: Pixels of the view per pixel at normal density.
-        lit: Indices of the constraints that stand out.
+        highlighted: Indices of the highlighted constraints.
     """
 
-    def __init__(self, draw: imgui.ImDrawList, viewport: Viewport, lit: frozenset[int]) -> None:
+    def __init__(self, draw: imgui.ImDrawList, viewport: Viewport, highlighted: frozenset[int]) -> None:
         """Draw into ``draw``."""
         self._draw = draw
         self._viewport = viewport
         self._origin = np.asarray(viewport.origin)
         self.scale = viewport.ui_scale
-        self.lit = lit
+        self.highlighted = highlighted
 
     @staticmethod
     def ghost(own_view: bool) -> float:
-        """Return the opacity of a target, which is faint in views other than its own."""
+        """Return the opacity of a target, which is faint in views other than that of its constraint."""
         return 1.0 if own_view else 0.45
 
     def project(self, points: SurfacePoints) -> Array:
-        """Return where the view shows ``points`` of the posed face, shape (n, 2)."""
+        """Return the pixels of ``points`` of the posed face, shape (n, 2)."""
         session = self._viewport.session
         return self._viewport.camera.project(session.model.positions_at(points, session.coefficients))
 
@@ -65,36 +65,36 @@ class Painter:
             self._draw.add_circle_filled(ImVec2(x, y), radius, tint, 6)
 
     def line(self, pixels: Array, colour: Colour, thickness: float, alpha: float) -> None:
-        """Draw a line with a dark edge through ``pixels``, shape (n, 2)."""
+        """Draw a line with a dark outline through ``pixels``, shape (n, 2)."""
         if len(pixels) < 2:
             return
         path = self._path(pixels)
         self._draw.add_polyline(path, u32(EDGE, 0.55 * alpha), (thickness + 1.8) * self.scale, 0)
         self._draw.add_polyline(path, u32(colour, alpha), thickness * self.scale, 0)
 
-    def band(self, way: Array, width: float, shape: str, colour: Colour, alpha: float) -> None:
-        """Draw what a brush of ``width`` pixels of the view covers along ``way``, shape (n, 2)."""
-        if not len(way):
+    def band(self, path: Array, width: float, shape: str, colour: Colour, alpha: float) -> None:
+        """Draw the area of a brush ``width`` pixels of the view wide along ``path``, shape (n, 2)."""
+        if not len(path):
             return
         tint = u32(colour, alpha)
-        if len(way) == 1:
-            self._draw.add_circle_filled(self._at((way[0, 0], way[0, 1])), max(width / 2.0, 1.5), tint)
+        if len(path) == 1:
+            self._draw.add_circle_filled(self._at((path[0, 0], path[0, 1])), max(width / 2.0, 1.5), tint)
             return
-        if shape == "filled" and len(way) > 2:
-            self._draw.add_concave_poly_filled(self._path(way), u32(colour, 0.55 * alpha))
+        if shape == "filled" and len(path) > 2:
+            self._draw.add_concave_poly_filled(self._path(path), u32(colour, 0.55 * alpha))
         closed = imgui.ImDrawFlags_.closed.value if shape != "line" else 0
-        self._draw.add_polyline(self._path(way), tint, max(width, 2.0), closed)
+        self._draw.add_polyline(self._path(path), tint, max(width, 2.0), closed)
 
-    def knob(self, at: Pixel, radius: float, colour: Colour, alpha: float, lit: bool) -> None:
-        """Draw a handle, with a ring around it if it is ``lit``."""
-        place, radius = self._at(at), radius * self.scale
-        if lit:
-            self._draw.add_circle(place, radius + 2.6 * self.scale, u32(WHITE, alpha), 0, 1.6 * self.scale)
-        self._draw.add_circle_filled(place, radius + 1.4 * self.scale, u32(EDGE, 0.85 * alpha))
-        self._draw.add_circle_filled(place, radius, u32(colour, alpha))
+    def knob(self, at: Pixel, radius: float, colour: Colour, alpha: float, highlighted: bool) -> None:
+        """Draw a handle, with a ring around it if ``highlighted``."""
+        center, radius = self._at(at), radius * self.scale
+        if highlighted:
+            self._draw.add_circle(center, radius + 2.6 * self.scale, u32(WHITE, alpha), 0, 1.6 * self.scale)
+        self._draw.add_circle_filled(center, radius + 1.4 * self.scale, u32(EDGE, 0.85 * alpha))
+        self._draw.add_circle_filled(center, radius, u32(colour, alpha))
 
     def text(self, at: Array, text: str, alpha: float) -> None:
-        """Write ``text`` to the right of the pixel ``at``, shape (2,), on a plate."""
+        """Draw ``text`` with a background to the right of the pixel ``at``, shape (2,)."""
         size = imgui.calc_text_size(text)
         x, y = (at + self._origin).tolist()
         pad = 3.0 * self.scale

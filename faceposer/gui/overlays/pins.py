@@ -1,4 +1,4 @@
-"""What is drawn over the face for pins: how far the face is from them, and where a press would take hold."""
+"""Overlay of pins: handles, residuals, and the point under the pointer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from faceposer.tools.point_tool import handle_pixels, pins
 from faceposer.tools.toolbox import Toolbox
 
 _WHITE = (1.0, 1.0, 1.0, 1.0)
-# Pixels at normal density from which the eye sees that a pin and its place on the face are apart.
-_APART = 1.5
+# Distance in pixels at normal density from which the gap between a pin and its point on the face is drawn.
+_VISIBLE_GAP = 1.5
 
 
 @dataclass(frozen=True)
 class PinMark:
-    """How one pin appears in the view.
+    """A pin in the view.
 
     Attributes:
-        index: Of its constraint.
-        handle: Where it is drawn and grabbed.
-        face: Where its place on the face is now.
-        own_view: Whether the view is the one that it was made in, so that its target can be shown.
-        hidden: Whether the face hides its place.
-        enabled: Whether it pulls.
+        index: Index of the constraint.
+        handle: Pixel of the handle.
+        face: Pixel of the pinned point of the face.
+        own_view: True if the view is that of the constraint, so that its target can be shown.
+        hidden: True if the face hides the pinned point.
+        enabled: True if the constraint is enabled.
     """
 
     index: int
@@ -40,16 +40,16 @@ class PinMark:
     enabled: bool
 
     @property
-    def apart(self) -> float:
-        """Distance in the view between the pin and its place on the face."""
+    def gap(self) -> float:
+        """Distance in pixels between the handle and the pinned point."""
         return float(np.hypot(self.handle[0] - self.face[0], self.handle[1] - self.face[1]))
 
 
 def pin_marks(viewport: Viewport, scene: Scene, moving: bool) -> list[PinMark]:
-    """Return how each point constraint of the session appears.
+    """Return the marks of all point constraints of the session.
 
-    While the face or the view is ``moving``, a pin counts as hidden only where the surface faces away: the picture that
-    tells what lies before what costs more than a frame may take.
+    While the face or the view is ``moving``, only pins on a surface facing away count as hidden: the depth image for
+    occlusion costs too much per frame.
     """
     constraints = pins(viewport)
     if not constraints:
@@ -75,30 +75,30 @@ def pin_marks(viewport: Viewport, scene: Scene, moving: bool) -> list[PinMark]:
 def draw_overlay(
     draw: imgui.ImDrawList, viewport: Viewport, toolbox: Toolbox, marks: Sequence[PinMark], highlighted: int | None
 ) -> None:
-    """Draw ``marks``, of them ``highlighted`` as a panel points at it, and the place under the pointer."""
+    """Draw ``marks``, with the index ``highlighted`` emphasised, and the point under the pointer."""
     scale = viewport.ui_scale
     hover = toolbox.hover
     hovered = hover.pin if hover is not None and not toolbox.active else None
     shown = [highlighted] if hovered is None else [hovered]
     for mark in marks:
-        if mark.own_view and mark.enabled and mark.apart > _APART * scale:
+        if mark.own_view and mark.enabled and mark.gap > _VISIBLE_GAP * scale:
             _draw_gap(draw, viewport, mark, scale)
     for mark in marks:
         selected = mark.index in toolbox.selection
-        _draw_pin(draw, _placed(viewport, mark.handle), mark, selected, mark.index in shown, scale)
+        _draw_pin(draw, _in_window(viewport, mark.handle), mark, selected, mark.index in shown, scale)
     if hover is not None and hover.surface and not toolbox.active and toolbox.chosen is toolbox.point_tool:
-        center = _placed(viewport, hover.position)
+        center = _in_window(viewport, hover.position)
         draw.add_circle_filled(center, 4.2 * scale, u32(EDGE, 0.55))
         draw.add_circle_filled(center, 2.8 * scale, u32(_WHITE, 0.95))
 
 
 def draw_label(draw: imgui.ImDrawList, viewport: Viewport, at: Pixel, text: str) -> None:
-    """Write ``text`` beside the place ``at``, inside the view."""
+    """Draw ``text`` next to the pixel ``at``, inside the view."""
     scale = viewport.ui_scale
     pad = 5.0 * scale
     text = shortened(text, viewport.size[0] - 2.0 * pad)
     size = imgui.calc_text_size(text)
-    x, y = _placed(viewport, at)
+    x, y = _in_window(viewport, at)
     right = viewport.origin[0] + viewport.size[0]
     left = x + 14.0 * scale
     if left + size.x + 2.0 * pad > right:
@@ -111,7 +111,7 @@ def draw_label(draw: imgui.ImDrawList, viewport: Viewport, at: Pixel, text: str)
 
 
 def draw_badge(draw: imgui.ImDrawList, viewport: Viewport, text: str, row: float, warm: bool = False) -> None:
-    """Write ``text`` on a plate in the middle of the view, at ``row``: 0 for the top, 1 for the bottom."""
+    """Draw ``text`` with a background, centred in the view at height ``row``: 0 for the top, 1 for the bottom."""
     scale = viewport.ui_scale
     size = imgui.calc_text_size(text)
     if size.x + 28.0 * scale > viewport.size[0]:
@@ -124,13 +124,13 @@ def draw_badge(draw: imgui.ImDrawList, viewport: Viewport, text: str, row: float
     draw.add_text((left + pad_x, top + pad_y), u32(WARNING if warm else INK), text)
 
 
-def _placed(viewport: Viewport, pixel: Pixel) -> Pixel:
+def _in_window(viewport: Viewport, pixel: Pixel) -> Pixel:
     return (pixel[0] + viewport.origin[0], pixel[1] + viewport.origin[1])
 
 
 def _draw_gap(draw: imgui.ImDrawList, viewport: Viewport, mark: PinMark, scale: float) -> None:
-    """Draw the line from the face to the pin that it does not reach."""
-    begin, end = _placed(viewport, mark.face), _placed(viewport, mark.handle)
+    """Draw the line from the pinned point to the handle."""
+    begin, end = _in_window(viewport, mark.face), _in_window(viewport, mark.handle)
     alpha = 0.45 if mark.hidden else 1.0
     draw.add_line(begin, end, u32(EDGE, 0.6 * alpha), 4.0 * scale)
     draw.add_line(begin, end, u32(WARNING, alpha), 2.0 * scale)
@@ -141,7 +141,7 @@ def _draw_gap(draw: imgui.ImDrawList, viewport: Viewport, mark: PinMark, scale: 
 def _draw_pin(
     draw: imgui.ImDrawList, center: Pixel, mark: PinMark, selected: bool, hovered: bool, scale: float
 ) -> None:
-    """Draw a pin: full in its own view, a smaller ghost in others, dim where the face hides it."""
+    """Draw a pin: full size in the view of its constraint, smaller in others, faint if hidden."""
     alpha = 0.40 if mark.hidden else 1.0 if mark.own_view else 0.75
     radius = (5.5 if mark.own_view else 4.0) * scale
     if hovered:

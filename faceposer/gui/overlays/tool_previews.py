@@ -1,4 +1,4 @@
-"""Draws what the chosen tool has begun and not finished, one function a tool in ``PREVIEWS``."""
+"""Previews of unfinished work of the chosen tool, one function per tool in ``PREVIEWS``."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from faceposer.tools.toolbox import Toolbox
 
 
 def draw_tool_preview(painter: Painter, viewport: Viewport, toolbox: Toolbox) -> None:
-    """Draw what the chosen tool of ``toolbox`` has begun, if anything."""
+    """Draw the unfinished work of the chosen tool of ``toolbox``, if any."""
     preview = PREVIEWS.get(toolbox.chosen.name)
     if preview is not None:
         preview(painter, viewport, toolbox)
@@ -25,8 +25,8 @@ def _stroke(painter: Painter, _viewport: Viewport, toolbox: Toolbox) -> None:
         painter.dots(painter.project(stroke.source.points), 1.8, ACCENT, 0.85)
     colour = TARGET if stroke.draws_target else ACCENT
     if stroke.drawing is not None:
-        way, width = stroke.drawing
-        painter.band(np.array(way), width, options.shape, colour, 0.6)
+        path, width = stroke.drawing
+        painter.band(np.array(path), width, options.shape, colour, 0.6)
     _brush(painter, toolbox, options.brush, colour)
 
 
@@ -60,7 +60,7 @@ def _fix(painter: Painter, _viewport: Viewport, toolbox: Toolbox) -> None:
 
 
 def _brush(painter: Painter, toolbox: Toolbox, diameter: float, colour: Colour) -> None:
-    """Show how wide the brush is."""
+    """Draw the brush around the pointer."""
     if toolbox.hover is None:
         return
     radius = max(0.5 * diameter, 1.5)
@@ -68,7 +68,7 @@ def _brush(painter: Painter, toolbox: Toolbox, diameter: float, colour: Colour) 
     painter.ring(toolbox.hover.position, radius, colour, 0.95, 1.3 / painter.scale)
 
 
-#: By the name of the tool.
+#: Previews by the name of the tool.
 PREVIEWS: dict[str, Callable[[Painter, Viewport, Toolbox], None]] = {
     "stroke": _stroke,
     "curve": _curve,

@@ -1,1 +1,1 @@
-"""The core panels of the window, one file each."""
+"""The core panels of the window, one module each."""

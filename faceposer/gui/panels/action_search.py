@@ -1,27 +1,27 @@
-"""Finds actions by what somebody types: parts of words, first letters, a key; the best first."""
+"""Search for actions by parts of words, initials or keys, ranked by score."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from faceposer.gui.actions import Action
 
-# What finding a word in each place is worth; the label's beginning tells most.
+# Score of a word found in each place; the start of the label counts most.
 _WHOLE_LABEL, _LABEL_BEGINS = 60.0, 40.0
 _LABEL_START, _LABEL_WORD, _KEY, _LABEL_INSIDE = 100.0, 80.0, 70.0, 60.0
 _MENU, _HELP_WORD, _HELP_INSIDE, _LETTERS = 40.0, 30.0, 20.0, 10.0
-# Letters in between that may be left out before a likeness is chance.
-_MOST_SKIPPED = 3
-_SHORTEST_INSIDE = 2
+# Letters in between that a fuzzy match may skip.
+_MAX_SKIPPED = 3
+_MIN_INSIDE = 2
 
 
 @dataclass(frozen=True)
 class Match:
-    """An action that was found.
+    """An action found by the search.
 
     Attributes:
         action: The action.
-        score: The higher the better.
-        letters: Indices of the label's letters that were typed.
+        score: Score; higher is better.
+        letters: Indices of the matching letters of the label.
     """
 
     action: Action
@@ -30,9 +30,9 @@ class Match:
 
 
 def ranked(query: str, actions: Sequence[Action]) -> list[Match]:
-    """Return the ``actions`` that have every word of ``query`` in label, menu, help or keys, the best first.
+    """Return the ``actions`` with every word of ``query`` in label, menu, help or keys, best first.
 
-    Among equals, and for an empty query, they stay in their order.
+    Equal scores, and an empty query, keep the order.
     """
     words = query.lower().split()
     found = [match for action in actions if (match := _match(words, action)) is not None]
@@ -42,10 +42,10 @@ def ranked(query: str, actions: Sequence[Action]) -> list[Match]:
 def _match(words: list[str], action: Action) -> Match | None:
     score, letters = 0.0, set[int]()
     for word in words:
-        worth, where = _find(word, action)
-        if worth == 0.0:
+        value, where = _find(word, action)
+        if value == 0.0:
             return None
-        score += worth
+        score += value
         letters.update(where)
     label, whole = action.label.lower().rstrip("."), " ".join(words)
     if whole and label.startswith(whole):
@@ -54,7 +54,7 @@ def _match(words: list[str], action: Action) -> Match | None:
 
 
 def _find(word: str, action: Action) -> tuple[float, Sequence[int]]:
-    """Return what ``word`` is worth at its best place, or 0, and the letters of the label that it covers."""
+    """Return the score of ``word`` at its best place, or 0, and the indices of its letters in the label."""
     label = action.label.lower()
     starts = [i for i in range(len(label)) if i == 0 or not label[i - 1].isalnum()]
     at = next((i for i in starts if label.startswith(word, i)), -1)
@@ -62,7 +62,7 @@ def _find(word: str, action: Action) -> tuple[float, Sequence[int]]:
         return (_LABEL_WORD if at else _LABEL_START), range(at, at + len(word))
     if any(word in (key.lower(), action.shortcut.lower()) for key in action.keys):
         return _KEY, ()
-    at = label.find(word) if len(word) >= _SHORTEST_INSIDE else -1
+    at = label.find(word) if len(word) >= _MIN_INSIDE else -1
     if at >= 0:
         return _LABEL_INSIDE, range(at, at + len(word))
     if action.menu.lower().startswith(word):
@@ -70,16 +70,16 @@ def _find(word: str, action: Action) -> tuple[float, Sequence[int]]:
     text = action.help.lower()
     if any(part.strip(".,:;()").startswith(word) for part in text.split()):
         return _HELP_WORD, ()
-    if len(word) > _SHORTEST_INSIDE and (word in text or any(word in key.lower() for key in action.keys)):
+    if len(word) > _MIN_INSIDE and (word in text or any(word in key.lower() for key in action.keys)):
         return _HELP_INSIDE, ()
-    if len(word) >= _SHORTEST_INSIDE:
-        where = _initials(word, label, starts) or _nearly(word, label, starts)
+    if len(word) >= _MIN_INSIDE:
+        where = _initials(word, label, starts) or _fuzzy_match(word, label, starts)
         return (_LETTERS if where else 0.0), where
     return 0.0, ()
 
 
 def _initials(word: str, label: str, starts: list[int]) -> list[int]:
-    """Return the first letters of words, in order, that spell ``word``, as "soa" does for "Save OBJ as"; or none."""
+    """Return the indices of initials that spell ``word``, as "soa" for "Save OBJ as"; empty if there are none."""
     where: list[int] = []
     for i in starts:
         if len(where) < len(word) and label[i] == word[len(where)]:
@@ -87,8 +87,8 @@ def _initials(word: str, label: str, starts: list[int]) -> list[int]:
     return where if len(where) == len(word) else []
 
 
-def _nearly(word: str, label: str, starts: list[int]) -> list[int]:
-    """Return letters from the beginning of a word on that spell ``word`` with few left out in between; or none."""
+def _fuzzy_match(word: str, label: str, starts: list[int]) -> list[int]:
+    """Return the indices of letters from the start of a word that spell ``word`` with few skipped; empty if none do."""
     for start in starts:
         where: list[int] = []
         for i in range(start, len(label)):
@@ -96,6 +96,6 @@ def _nearly(word: str, label: str, starts: list[int]) -> list[int]:
                 where.append(i)
             elif not where:
                 break
-        if len(where) == len(word) and where[-1] - where[0] + 1 - len(word) <= _MOST_SKIPPED:
+        if len(where) == len(word) and where[-1] - where[0] + 1 - len(word) <= _MAX_SKIPPED:
             return where
     return []

@@ -1,4 +1,4 @@
-"""The list of characters at the top of the panel: the program's, the imported ones, and files elsewhere."""
+"""The list of characters at the top of the side panel: installed ones, imported ones, and other files."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ _NONE = ImVec4(0.0, 0.0, 0.0, 0.0)
 
 
 def draw_characters(context: EditorContext) -> None:
-    """Draw the drop-down list."""
+    """Draw the drop-down list of characters."""
     title = context.session.model.character.title
     imgui.set_next_item_width(-1.0)
     room = imgui.get_content_region_avail().x - imgui.get_frame_height() - 2.0 * imgui.get_style().frame_padding.x
@@ -25,7 +25,7 @@ def draw_characters(context: EditorContext) -> None:
     opened = imgui.begin_combo("##character", shortened(title, room), flags)
     context.widget_rects.record("character")
     if not opened:
-        tooltip(f"{title}\nThe character to pose; {context.actions['open'].shortcut} opens others from files")
+        tooltip(f"{title}\nCharacter to pose. File > Open opens others from files.")
         return
     before = "installed"
     for entry in context.characters.all(context.settings.characters):
@@ -45,19 +45,19 @@ def draw_characters(context: EditorContext) -> None:
 
 
 def _draw_row(context: EditorContext, entry: LibraryEntry) -> None:
-    """Draw an entry of the list, with the buttons of an imported or opened character."""
-    here = entry.name == context.session.document.character
+    """Draw an entry of the list, with the buttons for an imported or opened character."""
+    current = entry.name == context.session.document.character
     buttons = {"installed": 0, "library": 2, "elsewhere": 1}[entry.home]
     width = imgui.get_content_region_avail().x
     side = em(_BUTTON)
     label = shortened(entry.title, width - buttons * side - em(0.3))
     left = imgui.get_cursor_pos_x()
     imgui.set_next_item_allow_overlap()
-    pressed, _ = imgui.selectable(f"{label}##name", here, 0, ImVec2(width, 0.0))
+    pressed, _ = imgui.selectable(f"{label}##name", current, 0, ImVec2(width, 0.0))
     context.widget_rects.record(f"character:{entry.name}")
     if entry.home != "installed":
         tooltip(f"{entry.title}\n{entry.name}")
-    if pressed and not here:
+    if pressed and not current:
         context.open_file(entry.name)
     if entry.home == "library":
         imgui.same_line(left + width - 2.0 * side)
@@ -68,12 +68,12 @@ def _draw_row(context: EditorContext, entry: LibraryEntry) -> None:
         tooltip("Rename")
     if buttons:
         imgui.same_line(left + width - side)
-        imgui.begin_disabled(here)
-        gone = _icon_button(Icon.CLOSE, side)
+        imgui.begin_disabled(current)
+        removed = _icon_button(Icon.CLOSE, side)
         imgui.end_disabled()
         context.widget_rects.record(f"character:{entry.name}:remove")
-        tooltip(_removal(entry, here))
-        if gone:
+        tooltip(_removal_tooltip(entry, current))
+        if removed:
             imgui.close_current_popup()
             _remove(context, entry)
 
@@ -87,22 +87,22 @@ def _icon_button(icon: str, side: float) -> bool:
     return bool(pressed)
 
 
-def _removal(entry: LibraryEntry, here: bool) -> str:
-    if here:
-        return "Remove\nIt is the one that is open; open another character first."
+def _removal_tooltip(entry: LibraryEntry, current: bool) -> str:
+    if current:
+        return "Remove\nThis character is open; open another one first."
     if entry.home == "elsewhere":
-        return "Remove from this list\nThe file stays."
+        return "Remove from this list\nThe file is kept."
     return "Remove..."
 
 
 def _ask_for_title(context: EditorContext, entry: LibraryEntry) -> None:
-    here = entry.name == context.session.document.character
+    current = entry.name == context.session.document.character
 
     def rename(title: str) -> None:
         context.characters.rename(entry, title)
-        context.notify(f"{entry.title} is now called {title.strip()}")
-        if here:
-            context.notify("The open session shows the new name when it is opened again")
+        context.notify(f"Renamed {entry.title} to {title.strip()}")
+        if current:
+            context.notify("The new name is shown when the session is opened again")
 
     context.dialogs.ask(TextQuestion(f"Rename {entry.title}", entry.title, "Rename", rename))
 
@@ -111,11 +111,11 @@ def _remove(context: EditorContext, entry: LibraryEntry) -> None:
     if entry.home == "elsewhere":
         context.settings.characters = [path for path in context.settings.characters if path != entry.name]
         return
-    text = f"Its file '{Path(entry.name).name}' is deleted. Sessions that use it can then not be opened."
+    text = f"The file '{Path(entry.name).name}' will be deleted. Sessions that use it can no longer be opened."
 
     def delete() -> None:
         context.characters.remove(entry)
-        context.notify(f"{entry.title} is removed")
+        context.notify(f"Removed {entry.title}")
 
     context.dialogs.ask(
         Question(f"Remove {entry.title}?", text, (Choice("Remove", delete), Choice("Cancel")), bad=True)

@@ -1,4 +1,4 @@
-"""The list of constraints: what each is, where, how far the face is from it, and what can be set."""
+"""The list of constraints: kind, location and residual of each, switches, and the settings of the selected one."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,48 +9,36 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details import draw_details
 from faceposer.gui.panels.tool_bar import TOOL_ICONS
 from faceposer.gui.widgets.basic import action_button, button_width, caption, heading, tooltip
-from faceposer.gui.widgets.text import broken, text_width
+from faceposer.gui.widgets.text import text_width, wrapped
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
 from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
 
-_MOST_ROWS = 8
-# In units of the font's size: sides of a row's buttons, the icon of its kind, what stands above and below the text.
+_MAX_ROWS = 8
+# In units of the font size: side of a row's buttons, width of the icon, padding above and below the text.
 _BUTTON, _ICON, _PAD = 1.45, 1.4, 0.3
-#: What the list says while it is empty, by the chosen tool.
-EMPTY_TEXTS = {
-    "point": "Press on the face and drag: the point stays where you leave it, and the face follows.",
-    "distance": "Drag from one point of the face to another, or choose a distance above; then set it by its slider.",
-    "stroke": "Draw on the face what should move, then draw where it should be.",
-    "curve": "Click points of a curve on the face and press Enter; then drag the points of its copy.",
-    "fix": "Paint over what should stay where it is, or choose a region above.",
-    "gaze": "Drag in the view: both eyes follow the ring.",
-    "trajectory": "Draw the paths of points; solved, they become keys of the timeline and not constraints.",
-    "photo": "Set pins on the photo, which the tab Photo lists; posing after them makes constraints.",
-}
 
 
 @dataclass(frozen=True)
 class _Row:
-    """What one row shows, and where."""
+    """Content and height of a row."""
 
     constraint: Constraint
     lines: list[str]
-    figure: str
-    fights: bool
+    residual_text: str
     residual: float
     height: float
 
 
 class ConstraintsPanel:
-    """The list, and the details of the one that is selected."""
+    """The list of constraints, and the settings of the selected one."""
 
     def draw(self, context: EditorContext) -> None:
-        """Draw the part."""
+        """Draw the panel."""
         count = len(context.session.document.constraints)
         heading(context.fonts, f"Constraints   {count}" if count else "Constraints")
         if not count:
-            caption(EMPTY_TEXTS[context.toolbox.chosen.name])
+            caption(context.toolbox.chosen.empty_text)
             return
         self._draw_rows(context)
         imgui.spacing()
@@ -64,25 +52,25 @@ class ConstraintsPanel:
             draw_details(context, selected[0])
 
     def _rows(self, context: EditorContext, width: float) -> list[_Row]:
-        """Return the rows for a list that is ``width`` wide; a name that does not fit into a line takes two."""
+        """Return the rows of a list of ``width``; a name that is too long for one line takes two."""
         rows = []
         residuals = context.session.residuals_px
         for i, constraint in enumerate(context.session.document.constraints):
-            fights = i in context.drawn_constraints.conflicts
-            figure = f"{Icon.FIGHT} {residuals[i]:.1f} px" if fights else f"{residuals[i]:.1f} px"
-            room = width - em(4.0 * _BUTTON + _ICON + 0.5) - text_width(figure)
-            lines = broken(context.point_name(i), room)
+            sign = f"{Icon.CONFLICT} " if i in context.drawn_constraints.conflicts else ""
+            residual_text = f"{sign}{residuals[i]:.1f} px"
+            room = width - em(4.0 * _BUTTON + _ICON + 0.5) - text_width(residual_text)
+            lines = wrapped(context.point_name(i), room)
             height = len(lines) * imgui.get_text_line_height() + 2.0 * em(_PAD)
-            rows.append(_Row(constraint, lines, figure, fights, residuals[i], round(height)))
+            rows.append(_Row(constraint, lines, residual_text, residuals[i], round(height)))
         return rows
 
     def _draw_rows(self, context: EditorContext) -> None:
         imgui.push_style_color(imgui.Col_.button, ImVec4(0.0, 0.0, 0.0, 0.0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0.0, 0.0))
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0.0, em(_PAD)))
-        # As if there were a scroll bar, so that rows stay as they are when it comes.
+        # Room for the scroll bar is always reserved, so that rows do not change when it appears.
         rows = self._rows(context, imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size)
-        imgui.begin_child("##constraints", ImVec2(0.0, sum(row.height for row in rows[:_MOST_ROWS])))
+        imgui.begin_child("##constraints", ImVec2(0.0, sum(row.height for row in rows[:_MAX_ROWS])))
         for i, row in enumerate(rows):
             imgui.push_id(i)
             removed = self._draw_row(context, i, row)
@@ -94,15 +82,15 @@ class ConstraintsPanel:
         imgui.pop_style_color()
 
     def _draw_row(self, context: EditorContext, index: int, row: _Row) -> bool:
-        """Draw one row and return whether its constraint was removed."""
+        """Draw a row and return True if its constraint was removed."""
         constraint, free = row.constraint, not context.busy
         begin, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         corner = imgui.get_cursor_screen_pos()
         imgui.set_next_item_allow_overlap()
-        lit = index in context.toolbox.selection or (
+        highlighted = index in context.toolbox.selection or (
             context.toolbox.hover is not None and context.toolbox.hover.pin == index
         )
-        pressed, _ = imgui.selectable("##row", lit, 0, ImVec2(width, row.height))
+        pressed, _ = imgui.selectable("##row", highlighted, 0, ImVec2(width, row.height))
         context.widget_rects.record(f"point:{index}")
         if imgui.is_item_hovered():
             context.highlighted = index
@@ -110,7 +98,7 @@ class ConstraintsPanel:
             context.toolbox.select(index, extend=imgui.get_io().key_shift)
         conflict = context.drawn_constraints.conflicts.get(index)
         name = f"{constraint.noun.capitalize()}: {context.point_name(index)}"
-        tooltip(name if conflict is None else f"{name}. {conflict}")
+        tooltip(name if conflict is None else f"{name}\n{conflict}")
         self._draw_text(row, (corner.x, corner.y, width))
         self._draw_enabled(context, index, constraint, (begin.x, begin.y, row.height), free)
         left = begin.x + width - 3.0 * em(_BUTTON)
@@ -120,7 +108,7 @@ class ConstraintsPanel:
         if self._small_button(icon, constraint.locked, left, begin.y, row) and free:
             self._change(context, index, "Unlock" if constraint.locked else "Lock", locked=not constraint.locked)
         context.widget_rects.record(f"point:{index}:lock")
-        tooltip("Locked; click to unlock" if constraint.locked else "Lock: it can be neither moved nor removed")
+        tooltip("Locked; click to unlock" if constraint.locked else "Lock, so that it can be neither moved nor removed")
         left += em(_BUTTON)
         imgui.begin_disabled(constraint.locked)
         removed = self._small_button(Icon.CLOSE, True, left, begin.y, row) and free
@@ -141,7 +129,7 @@ class ConstraintsPanel:
         return bool(pressed)
 
     def _draw_text(self, row: _Row, box: tuple[float, float, float]) -> None:
-        """Draw the icon, the name and the residual of ``row`` into ``box``: left, top, width."""
+        """Draw icon, name and residual of ``row`` into ``box``: left, top, width."""
         left, top, width = box
         right = left + width - em(3.0 * _BUTTON + 0.1)
         draw = imgui.get_window_draw_list()
@@ -153,7 +141,9 @@ class ConstraintsPanel:
         for n, text in enumerate(row.lines):
             draw.add_text(ImVec2(left + em(_ICON), top + em(_PAD) + n * line), u32(tint), text)
         far = row.constraint.enabled and row.residual > NOTABLE_PX
-        draw.add_text(ImVec2(right - text_width(row.figure), middle), u32(WARNING if far else FAINT), row.figure)
+        draw.add_text(
+            ImVec2(right - text_width(row.residual_text), middle), u32(WARNING if far else FAINT), row.residual_text
+        )
 
     def _draw_enabled(
         self,
@@ -175,7 +165,7 @@ class ConstraintsPanel:
         tooltip("Enabled; click to disable" if constraint.enabled else "Disabled; click to enable")
 
     def _draw_visible(self, context: EditorContext, index: int, place: tuple[float, float, float]) -> None:
-        """Draw the switch that hides the mark of the constraint in the view, which counts as before."""
+        """Draw the switch that hides the mark of the constraint in the view; the constraint remains in effect."""
         left, top, height = place
         constraints, marks = context.session.document.constraints, context.drawn_constraints.hidden
         shown = index not in marks.indices(constraints)
@@ -185,7 +175,7 @@ class ConstraintsPanel:
             marks.toggle(index, constraints)
         imgui.pop_style_color()
         context.widget_rects.record(f"point:{index}:visible")
-        tooltip("Visible; click to hide it in the view" if shown else "Hidden; click to show it in the view")
+        tooltip("Visible; click to hide in the view" if shown else "Hidden; click to show in the view")
 
     def _change(self, context: EditorContext, index: int, label: str, **switches: Any) -> None:
         constraint: Any = context.session.document.constraints[index]

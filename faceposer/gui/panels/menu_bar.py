@@ -1,4 +1,4 @@
-"""The menus, drawn from the table of actions."""
+"""The menu bar, drawn from the table of actions."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from faceposer.gui.widgets.theme import em
 
 
 def draw_menu_bar(actions: Actions, rects: WidgetRects) -> float:
-    """Draw the bar along the top of the window and return its height."""
+    """Draw the menu bar at the top of the window and return its height."""
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.55), em(0.38)))
     shown = imgui.begin_main_menu_bar()
     imgui.pop_style_var()

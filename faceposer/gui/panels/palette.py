@@ -1,27 +1,27 @@
-"""The command palette: everything that can be done, found by a few letters and done from the keyboard."""
+"""The command palette: search for actions and run them from the keyboard."""
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.gui.actions import Action, Actions, shown_key
+from faceposer.gui.actions import Action, Actions, display_key
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.action_search import Match, ranked
 from faceposer.gui.widgets.basic import WidgetRects
 from faceposer.gui.widgets.theme import ACCENT, FAINT, INK, Colour, em, u32
 
 _NAME = "##palette"
-_WIDTH, _ROW, _MOST_ROWS, _ABOVE = 38.0, 1.85, 14, 1.5
+_WIDTH, _ROW, _MAX_ROWS, _ABOVE = 38.0, 1.85, 14, 1.5
 _DIM = 0.40
-# Typed letters in a label, to be told from the others on the chosen row, too.
-_FOUND: Colour = (0.52, 0.82, 1.0, 1.0)
+# Colour of matching letters, distinct on the chosen row, too.
+_MATCHING: Colour = (0.52, 0.82, 1.0, 1.0)
 
 
 class Palette:
-    """A search field with the actions that it finds below.
+    """A search field with the matching actions below.
 
     Attributes:
-        open: Whether it is shown, or will be in the next frame.
-        query: What is typed.
-        chosen: Index of the row that Enter would run.
+        open: True if the palette is shown, or will be in the next frame.
+        query: Text of the search field.
+        chosen: Index of the row for Enter.
     """
 
     def __init__(self) -> None:
@@ -33,48 +33,48 @@ class Palette:
 
     @property
     def rows(self) -> list[Action]:
-        """The actions that are listed, in order."""
+        """The listed actions, in order."""
         return [match.action for match in self._matches]
 
     def show(self) -> None:
-        """Open it, empty, in the next frame."""
+        """Open the palette in the next frame, with an empty query."""
         self.open = self._focus = self._reveal = True
         self.query, self.chosen = "", 0
 
     def close(self) -> None:
-        """Close it."""
+        """Close the palette."""
         self.open = False
 
     def draw(self, context: EditorContext) -> None:
-        """Draw it if it is open, and run what is chosen."""
+        """Draw the palette if it is open, and run the chosen action."""
         if not self.open:
             return
         if self._focus and not imgui.is_popup_open(_NAME):
             imgui.open_popup(_NAME)
         self._matches = ranked(self.query, list(context.actions))
         if not self._begin():
-            # A click outside has closed it, or Esc.
+            # Closed by Esc or a click outside.
             self.open = False
             return
-        fresh = imgui.is_window_appearing()
+        appearing = imgui.is_window_appearing()
         step = self._steps()
         self._draw_field(context.widget_rects)
         self._move(step)
-        taken = self._draw_rows(context.widget_rects)
-        self._draw_foot(context.actions)
-        if not fresh and (_pressed(imgui.Key.enter) or _pressed(imgui.Key.keypad_enter)):
-            taken = self._matches[self.chosen].action if self._matches else None
-            # Enter ends the typing, which goes on if nothing comes of it.
+        picked = self._draw_rows(context.widget_rects)
+        self._draw_footer(context.actions)
+        if not appearing and (_pressed(imgui.Key.enter) or _pressed(imgui.Key.keypad_enter)):
+            picked = self._matches[self.chosen].action if self._matches else None
+            # Enter takes the focus from the field; typing continues if no action was run.
             self._focus = True
-        if taken is not None and taken.enabled():
+        if picked is not None and picked.enabled():
             self.open = False
         else:
-            taken = None
+            picked = None
         if not self.open:
             imgui.close_current_popup()
         imgui.end_popup()
-        if taken is not None:
-            taken.run()
+        if picked is not None:
+            picked.run()
             context.redraw()
 
     def _begin(self) -> bool:
@@ -90,7 +90,7 @@ class Palette:
         return shown
 
     def _steps(self) -> int:
-        """Return how many rows the keys move down."""
+        """Return the number of rows by which the pressed keys move down."""
         page, all_rows = max(self._shown_rows() - 1, 1), len(self._matches)
         keys = (
             (imgui.Key.up_arrow, -1),
@@ -106,7 +106,7 @@ class Palette:
         last = max(len(self._matches) - 1, 0)
         chosen = self.chosen + step
         if abs(step) == 1 and not 0 <= chosen <= last:
-            # Past either end it goes on at the other.
+            # Wraps around at both ends.
             chosen = 0 if step > 0 else last
         self.chosen = min(max(chosen, 0), last)
         self._reveal = self._reveal or step != 0
@@ -118,22 +118,24 @@ class Palette:
         imgui.set_next_item_width(-1.0)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(em(0.6), em(0.5)))
         flags = imgui.InputTextFlags_.callback_always.value
-        _, query = imgui.input_text_with_hint("##query", "Type to find a command", self.query, flags, _stay_at_end)
+        _, query = imgui.input_text_with_hint(
+            "##query", "Type to find a command", self.query, flags, _keep_cursor_at_end
+        )
         imgui.pop_style_var()
         rects.record("palette:query")
         if query != self.query:
             self.query, self.chosen, self._reveal = query, 0, True
 
     def _shown_rows(self) -> int:
-        """Return for how many rows there is room."""
+        """Return the number of rows that fit."""
         view = imgui.get_main_viewport()
         others = em(_ABOVE + 5.6) + 4.0 * imgui.get_style().item_spacing.y
         room = (view.work_size.y - others) / em(_ROW)
-        return max(min(len(self._matches), _MOST_ROWS, int(room)), 1)
+        return max(min(len(self._matches), _MAX_ROWS, int(room)), 1)
 
     def _draw_rows(self, rects: WidgetRects) -> Action | None:
-        """Draw the list and return the action that was clicked."""
-        taken = None
+        """Draw the list and return the clicked action, if any."""
+        picked = None
         row = round(em(_ROW))
         height = self._shown_rows() * row
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0.0, 0.0))
@@ -143,7 +145,7 @@ class Palette:
             imgui.set_scroll_y(min(max(imgui.get_scroll_y(), low + row - height), low))
         if not self._matches:
             imgui.set_cursor_pos(ImVec2(em(0.6), (row - imgui.get_font_size()) / 2.0))
-            imgui.text_disabled("Nothing is called that.")
+            imgui.text_disabled("No matching commands.")
         for i, match in enumerate(self._matches):
             imgui.push_id(match.action.name)
             corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -154,22 +156,22 @@ class Palette:
             if imgui.is_item_hovered() and _pointer_moved():
                 self.chosen = i
             if pressed:
-                taken, self.chosen, self._focus = match.action, i, True
+                picked, self.chosen, self._focus = match.action, i, True
             _draw_row(match, corner, width, row, i == self.chosen)
             imgui.pop_id()
         self._reveal = False
         imgui.end_child()
         imgui.pop_style_var()
-        return taken
+        return picked
 
-    def _draw_foot(self, actions: Actions) -> None:
-        """Say in one line what the chosen action does."""
+    def _draw_footer(self, actions: Actions) -> None:
+        """Draw the help text of the chosen action in one line."""
         text = f"{len(list(actions))} commands"
         if self._matches:
             action = self._matches[min(self.chosen, len(self._matches) - 1)].action
             text = action.help or action.label
             if not action.enabled():
-                text = f"Not now:  {text}"
+                text = f"Unavailable:  {text}"
         imgui.separator()
         left = imgui.get_cursor_screen_pos()
         right = left.x + imgui.get_content_region_avail().x
@@ -181,7 +183,7 @@ class Palette:
 
 
 def _draw_row(match: Match, corner: ImVec2, width: float, height: float, chosen: bool) -> None:
-    """Draw a row: whether a switch is on, the label with what was typed in it, the menu, and the keys at the right."""
+    """Draw a row: state of a switch, label with the matching letters, menu, and keys at the right."""
     action = match.action
     alpha = 1.0 if action.enabled() else _DIM
     draw = imgui.get_window_draw_list()
@@ -192,7 +194,7 @@ def _draw_row(match: Match, corner: ImVec2, width: float, height: float, chosen:
     for text, colour in _runs(match):
         draw.add_text(ImVec2(x, y), u32(colour, alpha), text)
         x += imgui.calc_text_size(text).x
-    keys = ", ".join(shown_key(key) for key in action.keys)
+    keys = ", ".join(display_key(key) for key in action.keys)
     right = corner.x + width - em(0.6)
     keys_left = right - imgui.calc_text_size(keys).x
     draw.add_text(ImVec2(keys_left, y), u32(INK, 0.85 * alpha), keys)
@@ -205,7 +207,7 @@ def _draw_row(match: Match, corner: ImVec2, width: float, height: float, chosen:
 
 
 def _draw_switch(draw: imgui.ImDrawList, corner: tuple[float, float], on: bool, alpha: float) -> None:
-    """Draw a box with a tick in it, or an empty one."""
+    """Draw a check box."""
     side = round(em(0.9))
     left, top = corner[0], corner[1] + round((imgui.get_font_size() - side) / 2.0)
     colour = u32(ACCENT if on else FAINT, alpha if on else 0.8 * alpha)
@@ -215,10 +217,10 @@ def _draw_switch(draw: imgui.ImDrawList, corner: tuple[float, float], on: bool, 
 
 
 def _runs(match: Match) -> list[tuple[str, Colour]]:
-    """Return the label in pieces of one colour each."""
+    """Return the label in runs of one colour each."""
     runs: list[tuple[str, Colour]] = []
     for i, letter in enumerate(match.action.label):
-        colour = _FOUND if i in match.letters else INK
+        colour = _MATCHING if i in match.letters else INK
         if runs and runs[-1][1] == colour:
             runs[-1] = (runs[-1][0] + letter, colour)
         else:
@@ -226,8 +228,8 @@ def _runs(match: Match) -> list[tuple[str, Colour]]:
     return runs
 
 
-def _stay_at_end(data: imgui.InputTextCallbackData) -> int:
-    """Undo what Home and End do to the cursor of the field: they are the list's."""
+def _keep_cursor_at_end(data: imgui.InputTextCallbackData) -> int:
+    """Undo the effect of Home and End on the cursor of the field: these keys move in the list."""
     if _pressed(imgui.Key.home) or _pressed(imgui.Key.end):
         data.cursor_pos = data.selection_start = data.selection_end = data.buf_text_len
     return 0

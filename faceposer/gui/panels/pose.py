@@ -1,4 +1,4 @@
-"""The first part of the tab Pose: how the face follows, and back to neutral."""
+"""The solver settings at the top of the Pose tab."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,25 +14,25 @@ from faceposer.solve.priors import PRIORS, Prior
 from faceposer.solve.problem import SPREAD
 
 _MODES = ("live", "apply")
-_LARGEST_WEIGHT = 10.0
-_USUAL_WEIGHT = 1.0
+_MAX_WEIGHT = 10.0
+_DEFAULT_WEIGHT = 1.0
 _PRIOR_LABELS: dict[Prior, str] = {"regions": "By region", "whole": "Whole face", "plain": "As learned"}
 # In the order of ``PRIORS``.
 _PRIOR_TEXTS = (
-    "The usual way: muscles that work together in real faces move together, as far as Spread says.",
-    "The face is judged as a whole: whatever moved together in the captured performances moves together here.",
-    "The learned expressions as they are, as in the paper: the face drifts to its usual expressions by itself.",
+    "Default. Muscles that act together in real faces move together, to the degree set by Spread.",
+    "Evaluate the whole face at once: everything that moved together in the captured performances moves together.",
+    "Use the learned expressions directly, as in the paper. The face drifts towards common expressions.",
 )
 
 
 class PosePanel:
-    """Mode, spread, prior weight, neutral."""
+    """Mode, spread, prior weight, hold weight and prior, and the buttons of the pose."""
 
     def draw(self, context: EditorContext) -> None:
-        """Draw the part."""
+        """Draw the panel."""
         tips = (
-            "The face follows while you drag.",
-            f"The points wait until you press Apply  ({context.actions['apply'].shortcut})",
+            "Solve while you drag.",
+            f"Solve only when you press Apply{context.actions['apply'].bracketed_shortcut}",
         )
         session = context.session
         mode = _MODES.index(session.mode)
@@ -58,10 +58,10 @@ class PosePanel:
         session = context.session
 
         tip = (
-            "How much of the face follows what you pull. Local: only the muscles that it takes. Whole face: all that "
-            "usually moves along in real faces. Ctrl+click to type a value from 0 to 1, Esc to take a drag back."
+            "How much of the face follows a pulled point. Local: only the required muscles. Whole face: everything "
+            "that usually moves with it in real faces. Ctrl+click to type a value; Esc cancels a drag."
         )
-        # The other priors know no spread.
+        # The other priors have no spread.
         imgui.begin_disabled(session.document.prior != "regions")
         self._draw_slider(
             context,
@@ -79,15 +79,15 @@ class PosePanel:
     def _draw_weight(self, context: EditorContext) -> None:
         session = context.session
         tip = (
-            "How strongly the face keeps to natural expressions. At 0 only the points count. "
-            "Ctrl+click to type a value, Esc to take a drag back."
+            "How strongly the face is kept to natural expressions. At 0 only the constraints count. "
+            "Ctrl+click to type a value; Esc cancels a drag."
         )
         self._draw_slider(
             context,
             "weight",
             "Prior weight",
             session.document.prior_weight,
-            (_USUAL_WEIGHT, _LARGEST_WEIGHT, "%.2f"),
+            (_DEFAULT_WEIGHT, _MAX_WEIGHT, "%.2f"),
             session.set_prior_weight,
             "Change the prior weight",
             tip,
@@ -107,46 +107,46 @@ class PosePanel:
         logarithmic: bool = False,
         ends: tuple[str, str] = ("", ""),
     ) -> None:
-        """Draw a slider from 0, with a button that brings the default back.
+        """Draw a slider from 0, with a button that resets it to the default.
 
         Args:
-            context: The window.
-            name: Of the widget.
-            title: Beside it.
-            value: Now.
-            measures: Its default, its largest value, and how the value is written.
-            change: Brings a value into the session.
-            step: What the history calls it.
-            tip: Of the tooltip.
-            logarithmic: Whether small values get more room.
-            ends: What its left and its right end are called, in place of their values.
+            context: The editor.
+            name: Name of the widget.
+            title: Label at the left.
+            value: Current value.
+            measures: Default, maximum, and format of the value.
+            change: Sets the value in the session.
+            step: Label of the step in the history.
+            tip: Tooltip.
+            logarithmic: True for a logarithmic scale.
+            ends: Texts in place of the minimum and the maximum, or "".
         """
         session = context.session
-        usual, largest, form = measures
-        # At an end its name, which no value follows.
+        default, largest, form = measures
+        # An end with a name shows that in place of the value.
         form = {0.0: ends[0], largest: ends[1]}.get(value) or form
         imgui.align_text_to_frame_padding()
         imgui.text(title)
         imgui.same_line(em(6.6))
-        reset = value != usual and not context.slider_edit.active
+        reset = value != default and not context.slider_edit.active
         imgui.set_next_item_width(-em(2.3) if reset else -1.0)
         flags = imgui.SliderFlags_.clamp_on_input | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
         changed, new = imgui.slider_float(f"##pose:{name}", value, 0.0, largest, form, flags)
         context.widget_rects.record(name)
-        context.slider_edit.follow(session, name, step, changed, lambda: change(new))
+        context.slider_edit.update(session, name, step, changed, lambda: change(new))
         tooltip(tip)
         if reset:
             imgui.same_line()
             if imgui.button(f"{Icon.UNDO}##pose:{name}", (em(1.8), 0.0)) and not session.editing:
-                change(usual)
+                change(default)
             context.widget_rects.record(f"{name}:reset")
-            tooltip(f"Back to {usual:g}")
+            tooltip(f"Reset to {default:g}")
 
     def _draw_advanced(self, context: EditorContext) -> None:
-        """Draw which prior judges, under a header that is closed at first."""
+        """Draw the choice of the prior under a header that is collapsed at first."""
         session = context.session
         prior = session.document.prior
-        # A session that has another prior shows it.
+        # The header is open if the session has another prior than the default.
         if prior != "regions":
             imgui.set_next_item_open(True, imgui.Cond_.once)
         imgui.push_style_color(imgui.Col_.header, imgui.ImVec4(*FIELD))
@@ -154,7 +154,7 @@ class PosePanel:
         opened = imgui.collapsing_header("Advanced")
         imgui.pop_style_color(2)
         context.widget_rects.record("advanced")
-        tooltip("Other ways to judge what is natural")
+        tooltip("Prior of natural expressions")
         if not opened:
             return
         chosen = choice(
@@ -165,7 +165,7 @@ class PosePanel:
             session.set_prior(PRIORS[chosen])
 
     def _draw_hold(self, context: EditorContext) -> None:
-        """Draw a slider for the weight of all fixed vertices together."""
+        """Draw a slider for the weight of all fixed vertices."""
         session = context.session
         fixed = [i for i, c in enumerate(session.document.constraints) if isinstance(c, FixedConstraint)]
         if not fixed:
@@ -187,5 +187,5 @@ class PosePanel:
                     document = document.with_constraint(i, replace(constraint, weight=value))
             session.replace(document)
 
-        context.slider_edit.follow(session, "hold", "Change the hold weight", changed, apply)
-        tooltip("How strongly fixed vertices stay where they were: from free, at 0, to immovable.")
+        context.slider_edit.update(session, "hold", "Change the hold weight", changed, apply)
+        tooltip("How strongly fixed vertices are held in place, from 0 (free) upwards.")

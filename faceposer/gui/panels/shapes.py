@@ -1,4 +1,4 @@
-"""The tab of the character's shapes: sliders that follow the pose, and that can be dragged."""
+"""The tab of the character's shapes: sliders that show the weights of the pose and change them."""
 
 import numpy as np
 from imgui_bundle import imgui
@@ -13,8 +13,8 @@ from faceposer.solve.constraints.gaze import GazeConstraint
 class ShapesPanel:
     """Sliders of the shapes.
 
-    A slider moves the pose that the face starts from: without constraints the face is then just what the sliders say,
-    and with them it goes as far as they let it.
+    A slider changes the start pose. Without constraints the pose is exactly that of the sliders; with constraints it is
+    a compromise.
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class ShapesPanel:
 
     def draw(self, context: EditorContext) -> None:
         """Draw the tab."""
-        caption("Follow the pose, and can be dragged; constraints keep what they hold.")
+        caption("Weights of the current pose. Drag to change them; constraints remain in effect.")
         imgui.set_next_item_width(-1.0)
         _, self._filter = imgui.input_text_with_hint("##filter", "Find a shape", self._filter)
         context.widget_rects.record("shapes:filter")
@@ -50,9 +50,9 @@ class ShapesPanel:
         context.widget_rects.record(key)
         imgui.end_disabled()
         tooltip(
-            "The handle of the eyes holds it."
+            "Controlled by the gaze constraint."
             if held
-            else f"{name}: drag, or Ctrl+click to type a value; Esc takes a drag back."
+            else f"{name}\nDrag, or Ctrl+click to type a value; Esc cancels a drag."
         )
 
         def begin() -> None:
@@ -65,4 +65,4 @@ class ShapesPanel:
             start, before = self._begun
             session.set_start(start + session.model.subspace.projection[:, j] * (value - before))
 
-        context.slider_edit.follow(session, key, f"Set {name}", changed, apply, begin)
+        context.slider_edit.update(session, key, f"Set {name}", changed, apply, begin)

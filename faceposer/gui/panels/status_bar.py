@@ -1,10 +1,10 @@
-"""The line at the bottom: what the mouse will do now, and how the last solve went."""
+"""The status bar: a hint for the mouse, and the result of the last solve."""
 
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import tooltip
-from faceposer.gui.widgets.text import begun
+from faceposer.gui.widgets.text import truncated
 from faceposer.gui.widgets.theme import FAINT, em
 
 
@@ -14,7 +14,7 @@ def status_height() -> float:
 
 
 def draw_status_bar(context: EditorContext) -> None:
-    """Draw the bar's text into the current window."""
+    """Draw the bar into the current window."""
     right = _figures(context)
     edge = imgui.get_window_width() - imgui.get_style().window_padding.x
     width = imgui.calc_text_size(right).x
@@ -22,7 +22,7 @@ def draw_status_bar(context: EditorContext) -> None:
     left = imgui.get_cursor_screen_pos()
     end = imgui.get_window_pos().x + edge - width - em(1.5)
     hint = context.hint()
-    shown = begun(hint, max(end - left.x, em(2.0)))
+    shown = truncated(hint, max(end - left.x, em(2.0)))
     imgui.text_unformatted(shown)
     if shown != hint:
         tooltip(hint)

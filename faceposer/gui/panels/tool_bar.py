@@ -1,9 +1,10 @@
-"""The strip of tools at the left of the view, and the options of the chosen one in the panel."""
+"""The tool bar at the left of the view, and the options of the chosen tool in the side panel."""
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.geometry.strokes import STROKE_SHAPES
 from faceposer.gui.context import EditorContext
+from faceposer.gui.panels.details.stroke import ENERGY_TIPS
 from faceposer.gui.widgets.basic import button_width, caption, choice, fitted_button, heading, tooltip
 from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.theme import ACCENT_DARK, HELD, Icon, em
@@ -11,8 +12,7 @@ from faceposer.model.character import Character
 from faceposer.session.place_names import MEASURES
 from faceposer.solve.constraints.stroke import STROKE_ENERGIES
 from faceposer.tools.distance_tool import add_distance
-from faceposer.tools.fix_tool import region_held, toggle_region
-from faceposer.tools.gaze_tool import eyes_of
+from faceposer.tools.fix_tool import fixed_region_index, toggle_fixed_region
 
 STRIP_WIDTH = 3.2
 TOOL_ICONS = {
@@ -24,7 +24,7 @@ TOOL_ICONS = {
     "gaze": Icon.GAZE,
     "trajectory": Icon.PATH,
 }
-#: Regions that one holds with a click, by what people call them; those with spaces are of characters from examples.
+#: Regions with a button, by their labels; names with spaces belong to characters trained from examples.
 HELD_REGIONS: dict[str, tuple[str, ...]] = {
     "Mouth": ("mouth", "lip_upper", "lip_lower"),
     "Eyes": ("lids_left", "lids_right", "eye_left", "eye_right", "eye left", "eye right"),
@@ -33,28 +33,19 @@ HELD_REGIONS: dict[str, tuple[str, ...]] = {
     "Cheeks": ("cheek_left", "cheek_right"),
     "Jaw": ("jaw",),
 }
-_TITLES = {
-    "point": "Points",
-    "distance": "Distance",
-    "stroke": "Stroke",
-    "curve": "Curve",
-    "fix": "Fixed vertices",
-    "gaze": "Gaze",
-    "trajectory": "Trajectories",
-}
 
 
 def draw_tool_strip(context: EditorContext) -> None:
-    """Draw the buttons of the tools, one below the other, and that of symmetry."""
-    usable = [
-        name for name in context.toolbox.tools if name != "gaze" or eyes_of(context.session.model.character) is not None
-    ]
-    # Smaller where the window is too low for all of them.
+    """Draw the buttons of the tools in a column, and that of symmetry."""
+    usable = [tool.name for tool in context.toolbox.usable_tools]
+    # Smaller buttons if the window is too low for all of them.
     spacing = imgui.get_style().item_spacing.y
     room = imgui.get_content_region_avail().y - em(0.4) - (len(usable) + 2) * spacing
     side = max(min(em(2.3), room / (len(usable) + 1)), em(1.0))
     for name in usable:
-        _strip_button(context, f"tool-{name}", TOOL_ICONS[name], side, context.toolbox.chosen.name == name)
+        _strip_button(
+            context, f"tool-{name}", TOOL_ICONS.get(name, Icon.POINT), side, context.toolbox.chosen.name == name
+        )
     imgui.dummy((0.0, em(0.4)))
     _strip_button(context, "symmetry", Icon.SYMMETRY, side, context.toolbox.tool_settings.symmetry.on)
 
@@ -74,7 +65,7 @@ def _strip_button(context: EditorContext, action: str, icon: str, side: float, o
 
 
 def draw_tool_options(context: EditorContext) -> None:
-    """Draw the options of the chosen tool; points and gaze have none."""
+    """Draw the options of the chosen tool, if it has any."""
     name = context.toolbox.chosen.name
     draw = {
         "distance": _distance,
@@ -83,12 +74,12 @@ def draw_tool_options(context: EditorContext) -> None:
         "fix": _fix,
     }.get(name)
     if draw is not None:
-        heading(context.fonts, _TITLES[name])
+        heading(context.fonts, context.toolbox.chosen.label)
         draw(context)
 
 
 def _distance(context: EditorContext) -> None:
-    """One click each for what one usually wants to set."""
+    """Draw a button for each common distance."""
     features = context.session.model.character.feature_points
     known = [(title, pair) for title, pair in MEASURES.items() if set(pair) <= features.keys()]
     if not known:
@@ -97,7 +88,7 @@ def _distance(context: EditorContext) -> None:
         if i % 2:
             imgui.same_line()
         width = button_width(2) if not i % 2 else imgui.get_content_region_avail().x
-        tip = f"Add the {title} as a distance, to be set by a slider"
+        tip = f"Add a distance constraint for the {title}, set with a slider"
         pressed = fitted_button(context.widget_rects, title.capitalize(), f"measure:{title}", width, tip)
         if pressed and not context.busy:
             add_distance((features[first], features[second]), context.viewport, context.toolbox.tool_settings)
@@ -105,39 +96,35 @@ def _distance(context: EditorContext) -> None:
 
 def _stroke(context: EditorContext) -> None:
     options, tool = context.toolbox.tool_settings.options, context.toolbox.stroke_tool
-    tips = ("An open line.", "A line that closes itself.", "A region and all that is in it.")
+    tips = ("An open line.", "A closed line.", "A filled region.")
     labels = [shape.capitalize() for shape in STROKE_SHAPES]
     options.shape = STROKE_SHAPES[
         choice(context.widget_rects, "shape", labels, STROKE_SHAPES.index(options.shape), tips)
     ]
     options.brush = _brush(context, "brush", options.brush, 60.0)
-    explained = (
-        "Distances both ways between the strokes: pulls from afar, follows closely.",
-        "The difference of two images, as in the paper of 2009.",
-    )
     chosen = choice(
-        context.widget_rects, "energy", ("Distance", "Image"), STROKE_ENERGIES.index(options.energy), explained
+        context.widget_rects, "energy", ("Distance", "Image"), STROKE_ENERGIES.index(options.energy), ENERGY_TIPS
     )
     options.energy = STROKE_ENERGIES[chosen]
-    caption("Now draw where it should be." if tool.draws_target else "Draw on the face what should move.")
+    caption("Now draw the target of the stroke." if tool.draws_target else "Draw a stroke on the face.")
 
 
 def _curve(context: EditorContext) -> None:
     count = len(context.toolbox.curve_tool.points)
     if not count:
-        caption("Click points of a curve on the face, then accept it: a copy can be dragged.")
+        caption("Click points of a curve on the face, then accept it and drag its control points.")
         return
     imgui.begin_disabled(count < 2)
     if imgui.button(f"Accept {count} points", (-1.0, 0.0)):
         context.toolbox.accept()
     imgui.end_disabled()
     context.widget_rects.record("curve:accept")
-    tooltip("Let a copy of the curve be dragged while the face follows  (Enter)")
+    tooltip(f"Accept the curve, then drag its control points{context.actions['apply'].bracketed_shortcut}")
 
 
 def _fix(context: EditorContext) -> None:
     options = context.toolbox.tool_settings.options
-    tips = ("Paint over what should stay.", "Draw a line around what should stay.")
+    tips = ("Paint the area to hold.", "Encircle the area to hold.")
     chosen = choice(context.widget_rects, "fix", ("Brush", "Lasso"), int(options.fix_mode == "lasso"), tips)
     options.fix_mode = "lasso" if chosen else "brush"
     if options.fix_mode == "brush":
@@ -150,20 +137,20 @@ def _fix(context: EditorContext) -> None:
         if i % columns:
             imgui.same_line()
         width = button_width(columns - i % columns)
-        held = region_held(names, context.viewport) is not None
+        held = fixed_region_index(names, context.viewport) is not None
         if held:
             imgui.push_style_color(imgui.Col_.button, ImVec4(*HELD[:3], 0.55))
         verb = "Release" if held else "Hold"
-        tip = f"{verb} the {title.lower()} where {'they are' if title.endswith('s') else 'it is'}"
+        tip = f"{verb} the {title.lower()} in place" if not held else f"{verb} the {title.lower()}"
         pressed = fitted_button(context.widget_rects, title, f"hold:{title}", width, tip)
         if held:
             imgui.pop_style_color()
         if pressed and not context.busy:
-            toggle_region(names, context.viewport, context.toolbox.tool_settings)
+            toggle_fixed_region(names, context.viewport, context.toolbox.tool_settings)
 
 
 def regions_to_hold(character: Character) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the regions that have a button, with its label: those with words for them, or else all there are."""
+    """Return label and names of each region with a button: those of ``HELD_REGIONS``, or all if there are none."""
     regions = character.regions
     known = [(title, names) for title, names in HELD_REGIONS.items() if any(name in regions for name in names)]
     return known or [(name.replace("_", " ").capitalize(), (name,)) for name in sorted(regions)]
@@ -176,5 +163,6 @@ def _brush(context: EditorContext, name: str, value: float, most: float) -> floa
     imgui.set_next_item_width(-1.0)
     _, value = imgui.slider_float(f"##{name}", value, 1.0, most, "%.0f px", imgui.SliderFlags_.clamp_on_input)
     context.widget_rects.record(name)
-    tooltip("Width of the brush  ([ and ])")
+    keys = [context.actions[action].shortcut for action in ("brush-thinner", "brush-wider")]
+    tooltip(f"Width of the brush{f'  ({keys[0]} and {keys[1]})' if all(keys) else ''}")
     return value

@@ -1,11 +1,11 @@
-"""The panel's last tab: where one looks from, and how the face is drawn."""
+"""The View tab, with view directions and display options, and the buttons at the bottom of the side panel."""
 
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.basic import action_button, button_width, choice, heading, tooltip
 
-# Actions that have a box, and its label.
+# Actions with a check box, and its label.
 _SWITCHES = (
     ("wireframe", "Wireframe"),
     ("expression-lines", "Expression lines"),
@@ -16,8 +16,8 @@ _SWITCHES = (
 
 
 def draw_view_panel(context: EditorContext) -> None:
-    """Draw the part."""
-    heading(context.fonts, "Look from", first=True)
+    """Draw the View tab."""
+    heading(context.fonts, "View from", first=True)
     for row in (("front", "three-quarter", "frame"), ("left", "right", "top")):
         width = button_width(len(row))
         for i, name in enumerate(row):
@@ -27,9 +27,9 @@ def draw_view_panel(context: EditorContext) -> None:
             action_button(
                 context.widget_rects, context.actions[name if name == "frame" else f"view-{name}"], width, label
             )
-    heading(context.fonts, "Drawing")
-    key = context.actions["clay"].shortcut
-    tips = (f"Skin, eyes and teeth as they are  ({key})", f"Plain clay, to judge the shape  ({key})")
+    heading(context.fonts, "Display")
+    key = context.actions["clay"].bracketed_shortcut
+    tips = (f"Show textures of skin, eyes and teeth{key}", f"Show plain clay, to judge the form{key}")
     chosen = choice(context.widget_rects, "shading", ("Full", "Clay"), int(context.shading == "clay"), tips)
     context.shading = "clay" if chosen else "full"
     for action, label in _SWITCHES:
@@ -37,7 +37,7 @@ def draw_view_panel(context: EditorContext) -> None:
 
 
 def _switch(context: EditorContext, name: str, label: str) -> None:
-    """Draw the box of the action ``name``, which is on or off."""
+    """Draw the check box of the action ``name``."""
     action = context.actions[name]
     if imgui.checkbox(label, action.checked is not None and action.checked())[0]:
         action.run()
@@ -45,8 +45,8 @@ def _switch(context: EditorContext, name: str, label: str) -> None:
     tooltip(action.tooltip)
 
 
-def draw_output_panel(context: EditorContext) -> None:
-    """Draw the foot of the panel: what one takes away."""
+def draw_save_buttons(context: EditorContext) -> None:
+    """Draw the buttons that save, at the bottom of the side panel."""
     imgui.separator()
     imgui.spacing()
     width = button_width(2)

@@ -1,4 +1,4 @@
-"""The demo: a scripted user at the real program, without a display, recorded as pictures."""
+"""The demo: a scripted user of the real program, without a display, recorded as images."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ LEFT_CORNER, RIGHT_CORNER, LOWER_LIP, LEFT_BROW = "8.3", "8.4", "8.2", "4.1"
 
 @dataclass(frozen=True)
 class DemoFiles:
-    """What a demo leaves in its folder."""
+    """Files written by the demo."""
 
     frames: tuple[Path, ...]
     animation: Path
-    picture: Path
+    image: Path
     mesh: Path
     session: Path
 
 
 class _Script:
-    """What the user does, each step with a caption."""
+    """The steps of the user, with captions."""
 
     def __init__(self, app: App, recorder: Recorder, folder: Path) -> None:
         self.app = app
@@ -37,7 +37,7 @@ class _Script:
         self._folder = folder
 
     def play(self) -> None:
-        """Play everything."""
+        """Play all steps."""
         self._say("A neutral face")
         self._rest(4)
         self._say("Drag the left corner of the mouth: the whole face follows")
@@ -46,7 +46,7 @@ class _Script:
         self._pull(RIGHT_CORNER, -1.5, -2.0)
         self._say("Raise the inner end of a brow")
         self._pull(LEFT_BROW, 1.0, -9.0)
-        self._say("Orbit, by dragging beside the face")
+        self._say("Orbit by dragging beside the face")
         self._orbit(130.0, 10.0)
         self._say("Drag from any side")
         self._pull(LOWER_LIP, 0.0, 3.5)
@@ -79,7 +79,7 @@ class _Script:
         self._recorder.hold(frames)
 
     def _pull(self, feature: str, across: float, down: float) -> None:
-        """Drag a feature point by hundredths of the head's height in the view."""
+        """Drag a feature point by 1/450 of the head's height in the view per unit."""
         x, y = self.robot.at(feature)
         unit = self._head_height() / 450.0
         self.robot.move((x, y), 5, ease=True)
@@ -103,7 +103,7 @@ class _Script:
         return float(rows.max() - rows.min())
 
     def _save(self, key: str, name: str) -> None:
-        """Save as a user would whose dialog opens in the folder of the demo."""
+        """Save to ``name`` in the folder of the demo, with the file dialog."""
         self.robot.key(key)
         self._rest(2)
         self.robot.key("Ctrl+A")
@@ -119,11 +119,11 @@ def run(folder: Path, progress: Callable[[str], None] = print) -> DemoFiles:
     """Play the demo, write its frames, an animation, the mesh and the session into ``folder``, and return their paths.
 
     Args:
-        folder: Is made if it does not exist; files of an earlier demo are replaced.
-        progress: Is told what has been written.
+        folder: Created if it does not exist; files of an earlier demo are replaced.
+        progress: Called with a message about the written files.
 
     Raises:
-        FacePoserError: If no window can be opened even without a display, or the folder cannot be written.
+        FacePoserError: If no hidden window can be opened, or the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -147,6 +147,6 @@ def run(folder: Path, progress: Callable[[str], None] = print) -> DemoFiles:
         )
     finally:
         app.close()
-    names = ", ".join(path.name for path in (files.animation, files.picture, files.mesh, files.session))
+    names = ", ".join(path.name for path in (files.animation, files.image, files.mesh, files.session))
     progress(f"{len(files.frames)} frames, {names} written to {folder}")
     return files

@@ -1,4 +1,4 @@
-"""Records what the window shows: pictures with the pointer and a caption, and an animation of them."""
+"""Recording of the window as images with pointer and caption, and as an animation."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,16 +17,16 @@ _FRAME_MILLISECONDS = 80
 
 
 class Recorder:
-    """Takes pictures of a window.
+    """Recorder of a window.
 
     Attributes:
-        caption: What stands at the bottom of the pictures from now on.
+        caption: Caption of the following images.
         frames: Files written so far, in order.
         milliseconds: Time that each is shown.
     """
 
     def __init__(self, screenshot: Callable[[], NDArray[np.uint8]], folder: Path) -> None:
-        """Take pictures by ``screenshot`` and write them into ``folder``."""
+        """Record images from ``screenshot`` into ``folder``."""
         self.caption = ""
         self.frames: list[Path] = []
         self._screenshot = screenshot
@@ -37,32 +37,32 @@ class Recorder:
         self._last = b""
 
     def take(self, pointer: tuple[float, float], pressed: bool) -> None:
-        """Record the window with the pointer at ``pointer``, unless it looks as in the frame before.
+        """Record the window with the pointer at ``pointer``, unless the image is the same as the last.
 
         Raises:
-            FacePoserError: If the picture cannot be written.
+            FacePoserError: If the image cannot be written.
         """
-        picture = Image.fromarray(self._screenshot())
-        draw = ImageDraw.Draw(picture)
-        self._draw_caption(draw, picture.height)
+        image = Image.fromarray(self._screenshot())
+        draw = ImageDraw.Draw(image)
+        self._draw_caption(draw, image.height)
         _draw_pointer(draw, pointer, pressed)
-        data = picture.tobytes()
+        data = image.tobytes()
         if data == self._last:
             return
         self._last = data
         path = self._folder / f"frame-{len(self.frames) + 1:03}.png"
-        write_png(path, np.asarray(picture))
+        write_png(path, np.asarray(image))
         self.frames.append(path)
-        height = round(picture.height * _ANIMATION_WIDTH / picture.width)
-        self._small.append(picture.resize((_ANIMATION_WIDTH, height), Image.Resampling.LANCZOS))
+        height = round(image.height * _ANIMATION_WIDTH / image.width)
+        self._small.append(image.resize((_ANIMATION_WIDTH, height), Image.Resampling.LANCZOS))
         self.milliseconds.append(_FRAME_MILLISECONDS)
 
     def hold(self, frames: int) -> None:
-        """Let the animation rest on the last picture for as long as ``frames`` would take."""
+        """Show the last image in the animation for ``frames`` more frames."""
         self.milliseconds[-1] += frames * _FRAME_MILLISECONDS
 
     def write_animation(self, path: Path) -> Path:
-        """Write all that was recorded as an animated GIF.
+        """Write the recording as an animated GIF.
 
         Raises:
             FacePoserError: If the file cannot be written.

@@ -1,4 +1,4 @@
-"""Plays a user: pointer and keys, for tests and the demo. What it sends takes the way of real events."""
+"""A scripted user for tests and the demo, with events that take the path of real ones."""
 
 from collections.abc import Callable
 
@@ -11,10 +11,10 @@ Position = tuple[float, float]
 
 
 class Robot:
-    """A user at an application; every event is followed by a frame."""
+    """A scripted user; every event is followed by a frame."""
 
     def __init__(self, app: App, after_frame: Callable[["Robot"], None] | None = None) -> None:
-        """Use ``app`` and call ``after_frame`` with the robot after each frame, as to record it."""
+        """Use ``app`` and call ``after_frame`` with the robot after each frame, for example to record it."""
         self.app = app
         self.position: Position = (0.0, 0.0)
         self.pressed: Button | None = None
@@ -24,11 +24,11 @@ class Robot:
         self.frames(2)
 
     def time(self) -> float:
-        """Return the seconds that its user has spent: 60 frames are one, however long they took to draw."""
+        """Return the simulated time in seconds, at 60 frames per second."""
         return self._frames / 60.0
 
     def frames(self, count: int = 1) -> None:
-        """Let ``count`` frames pass."""
+        """Draw ``count`` frames."""
         for _ in range(count):
             self._frames += 1
             self.app.window.wait(0.0)
@@ -37,7 +37,7 @@ class Robot:
                 self._after_frame(self)
 
     def move(self, position: Position, steps: int = 1, ease: bool = False) -> None:
-        """Move the pointer in ``steps`` to ``position`` in the window; ``ease`` starts and ends slowly, as hands do."""
+        """Move the pointer in ``steps`` to ``position`` in the window; with ``ease``, start and end slowly."""
         begin = self.position
         for step in range(1, steps + 1):
             share = step / steps
@@ -91,7 +91,7 @@ class Robot:
         self.key_up(text)
 
     def key_down(self, text: str) -> None:
-        """Press a key and hold it."""
+        """Press a key with its modifiers and hold it."""
         modifiers, name = parsed_key(text)
         self.app.window.play_key(name, "press", modifiers)
         self.frames(2)
@@ -111,15 +111,15 @@ class Robot:
         """Click on the widget ``name`` of a panel, menu or dialog.
 
         Raises:
-            KeyError: If it is not to be seen.
+            KeyError: If it is not visible.
         """
         self.click(self.app.widget_rects.center(name))
         self.frames(2)
 
-    # Places on the face
+    # Points of the face
 
     def at(self, feature: str) -> Position:
-        """Return where in the window the view shows the feature point ``feature``, hidden or not."""
+        """Return the position in the window of the feature point ``feature``, hidden or not."""
         app = self.app
         vertex = app.session.model.character.feature_points[feature]
         u, v = app.viewport.camera.project(app.scene.vertices[[vertex]])[0].tolist()

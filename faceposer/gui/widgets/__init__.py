@@ -1,1 +1,1 @@
-"""Widgets of the window that know nothing of faces: theme, dialogs, file dialogs, small building blocks."""
+"""Widgets independent of faces: theme, dialogs, file dialogs and small building blocks."""

@@ -1,4 +1,4 @@
-"""Small pieces that panels are made of."""
+"""Basic widgets of panels."""
 
 from collections.abc import Iterator, Sequence
 
@@ -12,20 +12,20 @@ Rectangle = tuple[float, float, float, float]
 
 
 class WidgetRects:
-    """Where each named widget of the last frame was drawn, in window units: left, top, right, bottom.
+    """Rectangles of the named widgets of the last frame, in window units: left, top, right, bottom.
 
-    Tests and the demo find by it what to click on.
+    Tests and the demo use them to click on widgets.
     """
 
     def __init__(self) -> None:
         self._rectangles: dict[str, Rectangle] = {}
 
     def clear(self) -> None:
-        """Forget all, at the begin of a frame."""
+        """Remove all names, at the start of a frame."""
         self._rectangles.clear()
 
     def record(self, name: str) -> None:
-        """Remember the widget that was drawn last as ``name``."""
+        """Record the rectangle of the last drawn widget as ``name``."""
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rectangles[name] = (low.x, low.y, high.x, high.y)
 
@@ -39,17 +39,17 @@ class WidgetRects:
         return self._rectangles[name]
 
     def center(self, name: str) -> tuple[float, float]:
-        """Return the middle of the widget ``name``.
+        """Return the centre of the widget ``name``.
 
         Raises:
-            KeyError: If there was none in the last frame.
+            KeyError: If the last frame had no such widget.
         """
         left, top, right, bottom = self._rectangles[name]
         return ((left + right) / 2.0, (top + bottom) / 2.0)
 
 
 def heading(fonts: Fonts, text: str, first: bool = False) -> None:
-    """Write the title of a section."""
+    """Draw the heading of a section."""
     if not first:
         imgui.dummy((0.0, em(0.35)))
         imgui.separator()
@@ -60,20 +60,20 @@ def heading(fonts: Fonts, text: str, first: bool = False) -> None:
 
 
 def caption(text: str) -> None:
-    """Write a quiet line."""
+    """Draw wrapped text in a faint colour."""
     imgui.push_style_color(imgui.Col_.text, ImVec4(*FAINT))
     imgui.text_wrapped(text)
     imgui.pop_style_color()
 
 
-_BESIDE_GAP, _WRAP = 0.4, 24.0
+_TOOLTIP_GAP, _WRAP = 0.4, 24.0
 
 
 def tooltip(text: str) -> None:
-    """Explain the widget before, once the pointer has rested on it for a moment, even if it cannot be used now.
+    """Show a tooltip for the last drawn widget, enabled or not, after the pointer has rested on it for a moment.
 
-    The text stands beside the window that holds the widget, where it covers nothing that one is about to press; below
-    the widget where no side has room.
+    The tooltip is placed next to the window that holds the widget, so that it covers no other widgets, or below the
+    widget if no side has room.
     """
     flags = (
         imgui.HoveredFlags_.stationary.value
@@ -86,7 +86,7 @@ def tooltip(text: str) -> None:
     padding = imgui.get_style().window_padding
     extent = imgui.calc_text_size(text, wrap_width=em(_WRAP))
     size = (extent.x + 2.0 * padding.x, extent.y + 2.0 * padding.y)
-    imgui.set_next_window_pos(ImVec2(*_beside(size)))
+    imgui.set_next_window_pos(ImVec2(*_tooltip_position(size)))
     if imgui.begin_tooltip():
         imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + em(_WRAP))
         imgui.text_unformatted(text)
@@ -94,12 +94,12 @@ def tooltip(text: str) -> None:
         imgui.end_tooltip()
 
 
-def _beside(size: tuple[float, float]) -> tuple[float, float]:
-    """Return where a box of ``size`` goes that is about the widget before: its left and top."""
+def _tooltip_position(size: tuple[float, float]) -> tuple[float, float]:
+    """Return the top left corner for a tooltip of ``size`` that explains the last drawn widget."""
     view = imgui.get_main_viewport()
     window = imgui.internal.get_current_window().root_window
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-    gap = em(_BESIDE_GAP)
+    gap = em(_TOOLTIP_GAP)
     left, right = window.pos.x, window.pos.x + window.size.x
     top, bottom = window.pos.y, window.pos.y + window.size.y
     level = min(max(low.y, gap), max(view.size.y - size[1] - gap, 0.0))
@@ -117,14 +117,14 @@ def _beside(size: tuple[float, float]) -> tuple[float, float]:
 
 
 def _is_tall(window: imgui.internal.Window) -> bool:
-    """Whether what stands above or below ``window`` would be far from most of its widgets."""
+    """Return True if a tooltip above or below ``window`` would be far from most of its widgets."""
     return bool(window.size.y > em(12.0))
 
 
 def fitted_button(rects: WidgetRects, label: str, name: str, width: float, tip: str) -> bool:
-    """Draw a button of ``width`` and return whether it was pressed.
+    """Draw a button of ``width`` and return True if it was pressed.
 
-    A label that is too wide is shortened in its middle, and stands above the tooltip ``tip`` in full.
+    A label that is too wide is shortened in the middle, and shown in full in the tooltip, above ``tip``.
     """
     room = width - 2.0 * imgui.get_style().frame_padding.x
     shown = shortened(label, room)
@@ -135,16 +135,16 @@ def fitted_button(rects: WidgetRects, label: str, name: str, width: float, tip: 
 
 
 def button_width(count: int) -> float:
-    """Return the width of each of ``count`` buttons that share the line."""
+    """Return the width of each of ``count`` buttons that share a line."""
     spacing = imgui.get_style().item_spacing.x
     return max((imgui.get_content_region_avail().x - spacing * (count - 1)) / count, 1.0)
 
 
 def action_button(rects: WidgetRects, action: Action, width: float, label: str = "", strong: bool = False) -> None:
-    """Draw a button for ``action``; ``strong`` calls attention to it."""
+    """Draw a button for ``action``, highlighted if ``strong``."""
     on = action.checked is not None and action.checked()
     if on or strong:
-        _push_lit(ACCENT_DARK if on else ACCENT_MID)
+        _push_button_colour(ACCENT_DARK if on else ACCENT_MID)
     imgui.begin_disabled(not action.enabled())
     full = label or action.label
     room = width if width > 0.0 else imgui.get_content_region_avail().x
@@ -162,10 +162,10 @@ def action_button(rects: WidgetRects, action: Action, width: float, label: str =
         imgui.pop_style_color(3)
 
 
-def lit_button(label: str, on: bool, colour: tuple[float, float, float, float], width: float) -> bool:
-    """Draw a button, in ``colour`` where it is ``on``, and return whether it was pressed."""
+def toggle_button(label: str, on: bool, colour: tuple[float, float, float, float], width: float) -> bool:
+    """Draw a button, in ``colour`` if it is ``on``, and return True if it was pressed."""
     if on:
-        _push_lit(colour)
+        _push_button_colour(colour)
     pressed = imgui.button(label, (max(width, 1.0), 0.0))
     if on:
         imgui.pop_style_color(3)
@@ -175,9 +175,10 @@ def lit_button(label: str, on: bool, colour: tuple[float, float, float, float], 
 def choice(
     rects: WidgetRects, name: str, labels: Sequence[str], chosen: int, tips: Sequence[str], by_text: bool = False
 ) -> int:
-    """Draw buttons of which one is down, and return which is chosen now.
+    """Draw a row of buttons of which one is chosen, and return the index of the chosen one.
 
-    They are equally wide, or ``by_text`` as wide as their labels and a share of the room that is left.
+    The buttons are equally wide or, with ``by_text``, each as wide as its label and an equal share of the remaining
+    width.
     """
     gap = max(round(em(0.1)), 1)
     room = imgui.get_content_region_avail().x - gap * (len(labels) - 1)
@@ -192,7 +193,7 @@ def choice(
         if i:
             imgui.same_line(0.0, gap)
         shown = shortened(label, max(texts[i] + spare, 1.0))
-        pressed = lit_button(f"{shown}##{name}{i}", i == chosen, ACCENT_DARK, texts[i] + spare)
+        pressed = toggle_button(f"{shown}##{name}{i}", i == chosen, ACCENT_DARK, texts[i] + spare)
         rects.record(f"{name}:{i}")
         tooltip(tips[i] if shown == label else f"{label}\n{tips[i]}")
         if pressed:
@@ -201,6 +202,6 @@ def choice(
     return chosen
 
 
-def _push_lit(colour: tuple[float, float, float, float]) -> None:
+def _push_button_colour(colour: tuple[float, float, float, float]) -> None:
     for index in (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active):
         imgui.push_style_color(index, ImVec4(*colour))

@@ -1,4 +1,4 @@
-"""Modal dialogs: errors, questions and the sheet of keys. One is shown at a time, the others wait."""
+"""Modal dialogs: errors, questions and the list of keys. One is shown at a time; the others wait."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
-from faceposer.gui.actions import Actions
+from faceposer.gui.actions import Actions, display_key
 from faceposer.gui.widgets.basic import WidgetRects, caption
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
 from faceposer.gui.widgets.theme import FAINT, Fonts, em, u32
 
 _MOUSE = (
-    ("Drag on the face", "pull that point; it stays pinned"),
-    ("Drag a point", "move it, with all selected points"),
+    ("Drag on the face", "pull that point and pin it"),
+    ("Drag a point", "move it and all selected points"),
     ("Right click on a point", "remove it"),
     ("Shift+click on a point", "select more"),
-    ("Arrow keys, with Shift", "nudge what is selected by 1, by 10 pixels"),
+    ("Arrow keys", "nudge the selection by 1 pixel, with Shift by 10"),
     ("Drag beside the face", "orbit"),
     ("Wheel", "zoom"),
 )
@@ -34,7 +34,7 @@ _NAVIGATION = {
 }
 
 
-def _nothing() -> None:
+def _do_nothing() -> None:
     pass
 
 
@@ -43,7 +43,7 @@ class Choice:
     """A button of a question."""
 
     label: str
-    run: Callable[[], None] = _nothing
+    run: Callable[[], None] = _do_nothing
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class Question:
     """Text with buttons; Enter takes the default, Esc the last.
 
     Attributes:
-        title: In bold.
-        text: A sentence or two.
-        choices: At least one.
-        details: Small print, such as a traceback, or "".
-        bad: Whether it reports that something went wrong.
-        default: Index of the choice that Enter takes: the last one where the first destroys what nothing brings back.
+        title: Title, in bold.
+        text: One or two sentences.
+        choices: Buttons, at least one.
+        details: Additional text, such as a traceback, or "".
+        bad: True for an error or a warning.
+        default: Index of the choice for Enter: the last one if the first cannot be undone.
     """
 
     title: str
@@ -69,14 +69,14 @@ class Question:
 
 @dataclass
 class TextQuestion:
-    """Asks for a line of text.
+    """A dialog for a line of text.
 
     Attributes:
-        title: In bold.
-        text: What the user has typed so far; at first what is proposed.
-        verb: On the button that accepts it.
-        done: Is called with what was typed; a FacePoserError of it is shown, and the user can go on typing.
-        problem: What was wrong with it, or "".
+        title: Title, in bold.
+        text: Text of the field, at first the suggestion.
+        verb: Label of the button that accepts the text.
+        done: Called with the text; its FacePoserError is shown, and the dialog remains open.
+        problem: Message of that error, or "".
     """
 
     title: str
@@ -88,7 +88,7 @@ class TextQuestion:
 
 @dataclass
 class Dialogs:
-    """The dialogs that are shown or wait."""
+    """The dialogs that are open or waiting."""
 
     fonts: Fonts
     rects: WidgetRects
@@ -97,11 +97,11 @@ class Dialogs:
 
     @property
     def open(self) -> bool:
-        """Whether one is shown."""
+        """True if a dialog is open."""
         return bool(self.waiting) or self.keys_shown
 
     def ask(self, question: Question | TextQuestion) -> None:
-        """Show ``question`` when its turn comes; the same one is not asked twice."""
+        """Add ``question`` to the queue, unless the same question is in it."""
         if not any(
             type(other) is type(question) and other.title == question.title and other.text == question.text
             for other in self.waiting
@@ -109,11 +109,11 @@ class Dialogs:
             self.waiting.append(question)
 
     def report(self, title: str, text: str, details: str = "") -> None:
-        """Tell that something went wrong."""
+        """Report an error."""
         self.ask(Question(title, text, details=details, bad=True))
 
     def draw(self, actions: Actions, navigation: str) -> None:
-        """Draw what is to be shown."""
+        """Draw the open dialog."""
         first = self.waiting[0] if self.waiting else None
         if isinstance(first, TextQuestion):
             self._draw_text_question(first)
@@ -134,8 +134,8 @@ class Dialogs:
             taken.run()
 
     def _draw_content(self, question: Question) -> Choice | None:
-        """Draw ``question`` and return the choice that was taken."""
-        fresh = imgui.is_window_appearing()
+        """Draw ``question`` and return the choice of the user, if any."""
+        appearing = imgui.is_window_appearing()
         modal_title(self.fonts, question.title, question.bad)
         imgui.push_text_wrap_pos(em(28))
         imgui.text_unformatted(question.text)
@@ -149,7 +149,7 @@ class Dialogs:
         labels = [(str(i), choice.label) for i, choice in enumerate(question.choices)]
         pressed = modal_buttons(self.rects, "choice", labels, default=question.default, least=5.5)
         taken = question.choices[int(pressed)] if pressed else None
-        if not fresh:
+        if not appearing:
             if _pressed(imgui.Key.enter, imgui.Key.keypad_enter):
                 taken = question.choices[question.default]
             if _pressed(imgui.Key.escape):
@@ -174,10 +174,10 @@ class Dialogs:
                         imgui.close_current_popup()
 
     def _draw_field(self, question: TextQuestion) -> str:
-        """Draw the field and the buttons, and return the name of the button that was pressed, or ""."""
-        fresh = imgui.is_window_appearing()
+        """Draw the field and the buttons, and return the name of the pressed button, or ""."""
+        appearing = imgui.is_window_appearing()
         modal_title(self.fonts, question.title)
-        if fresh:
+        if appearing:
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(-1.0)
         flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
@@ -185,12 +185,12 @@ class Dialogs:
         self.rects.record("text:field")
         if text != question.text:
             question.text, question.problem = text, ""
-        # One line is kept for it, so that the dialog does not jump.
+        # The line is always reserved, so that the dialog does not change its size.
         caption(question.problem or " ")
         pressed = modal_buttons(self.rects, "text", (("accept", question.verb), ("cancel", "Cancel")))
-        if not fresh and entered:
+        if not appearing and entered:
             pressed = "accept"
-        if not fresh and _pressed(imgui.Key.escape):
+        if not appearing and _pressed(imgui.Key.escape):
             pressed = "cancel"
         return pressed
 
@@ -199,10 +199,10 @@ class Dialogs:
         with modal("##keys", 40.0, widens=True) as shown:
             if not shown:
                 return
-            fresh = imgui.is_window_appearing()
+            appearing = imgui.is_window_appearing()
             modal_title(self.fonts, "Keys and mouse")
             width = min(em(66), room)
-            # As many columns as have room for a key and what it does.
+            # As many columns as have room for a key and its description.
             count = min(max(int(width // em(18)), 1), 3)
             if imgui.begin_table("##columns", count, imgui.TableFlags_.sizing_stretch_same.value, (width, 0.0)):
                 menus = actions.menus
@@ -215,9 +215,9 @@ class Dialogs:
                     for menu in column:
                         _section(self.fonts, menu, _rows(actions, menu))
                 imgui.end_table()
-            caption("Esc or F1 closes this.")
+            caption("Press Esc or click outside to close.")
             outside = imgui.is_mouse_clicked(imgui.MouseButton_.left.value) and not imgui.is_window_hovered()
-            if not fresh and (_pressed(imgui.Key.escape, imgui.Key.f1) or outside):
+            if not appearing and (_pressed(imgui.Key.escape, imgui.Key.f1) or outside):
                 self.keys_shown = False
                 imgui.close_current_popup()
 
@@ -227,11 +227,11 @@ def _pressed(*keys: imgui.Key) -> bool:
 
 
 def _rows(actions: Actions, menu: str) -> tuple[tuple[str, str], ...]:
-    return tuple((_keys(action.keys), action.help or action.label) for action in actions.in_menu(menu) if action.keys)
-
-
-def _keys(keys: tuple[str, ...]) -> str:
-    return ", ".join(keys)
+    return tuple(
+        (", ".join(map(display_key, action.keys)), action.help or action.label)
+        for action in actions.in_menu(menu)
+        if action.keys
+    )
 
 
 def _section(fonts: Fonts, title: str, rows: tuple[tuple[str, str], ...]) -> None:
@@ -247,10 +247,10 @@ def _section(fonts: Fonts, title: str, rows: tuple[tuple[str, str], ...]) -> Non
     if imgui.begin_table(f"##{title}", 2):
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, em(8.6))
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch.value)
-        for keys, meaning in rows:
+        for keys, description in rows:
             imgui.table_next_column()
             imgui.text_disabled(keys)
             imgui.table_next_column()
-            imgui.text_wrapped(meaning)
+            imgui.text_wrapped(description)
         imgui.end_table()
     imgui.dummy((0.0, em(0.4)))

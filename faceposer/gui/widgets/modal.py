@@ -1,4 +1,4 @@
-"""Modal windows: their frame, title and buttons, and the one that shows the progress of a job."""
+"""Modal windows: frame, title and buttons, and the progress of a job."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,13 +20,13 @@ _FLAGS = (
 
 @contextmanager
 def modal(name: str, width: float, scrolls: bool = True, widens: bool = False) -> Iterator[bool]:
-    """Open the modal window ``name`` in the middle; the block draws its content if it is given True.
+    """Open the modal window ``name`` in the middle; the block draws its content if the value is True.
 
     Args:
-        name: Identifier for Dear ImGui, which begins with "##".
-        width: In units of the font's size, as far as the window has room.
-        scrolls: Whether it has a scroll bar where the window is too low for it.
-        widens: Whether it becomes wider than ``width`` where its content is.
+        name: Identifier for Dear ImGui, beginning with "##".
+        width: Width in units of the font size, at most that of the window.
+        scrolls: True if a scroll bar appears when the content is too high for the window.
+        widens: True if the modal window grows with content wider than ``width``.
     """
     if not imgui.is_popup_open(name):
         imgui.open_popup(name)
@@ -46,7 +46,7 @@ def modal(name: str, width: float, scrolls: bool = True, widens: bool = False) -
 
 
 def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
-    """Draw the title of a modal window, with a warning sign if it reports something ``bad``."""
+    """Draw the title of a modal window, with a warning sign if ``bad``."""
     if bad:
         imgui.text_colored(BAD, Icon.WARNING)
         imgui.same_line()
@@ -59,14 +59,14 @@ def modal_title(fonts: Fonts, text: str, bad: bool = False) -> None:
 def modal_buttons(
     rects: WidgetRects, prefix: str, buttons: Sequence[tuple[str, str]], default: int | None = 0, least: float = 6.0
 ) -> str:
-    """Draw buttons at the right of a modal window's foot and return the name of the one that was pressed, or "".
+    """Draw the buttons at the bottom right of a modal window and return the name of the pressed one, or "".
 
     Args:
-        rects: Records each as ``prefix``:name.
-        prefix: Of their names.
-        buttons: Name and label of each.
-        default: Index of the one that is shown as what Enter takes, or None.
-        least: Least width, in units of the font's size.
+        rects: Records each button as ``prefix``:name.
+        prefix: Prefix of the names.
+        buttons: Name and label of each button.
+        default: Index of the button highlighted as the choice for Enter, or None.
+        least: Minimum width in units of the font size.
     """
     style = imgui.get_style()
     widths = [max(imgui.calc_text_size(label).x + 2.0 * style.frame_padding.x, em(least)) for _, label in buttons]
@@ -90,16 +90,16 @@ def modal_buttons(
 def draw_job(
     fonts: Fonts, rects: WidgetRects, prefix: str, title: str, job: Job[object], text: str, escapes: bool = True
 ) -> None:
-    """Draw the progress of ``job`` into a modal window, with a button that cancels it; Esc does it too.
+    """Draw the progress of ``job`` into a modal window, with a button that cancels it.
 
     Args:
-        fonts: The window's.
+        fonts: Fonts of the window.
         rects: Records the bar as ``prefix``:progress and the button as ``prefix``:cancel.
-        prefix: Of their names.
-        title: What is done.
-        job: Whose progress is shown.
-        text: In small print.
-        escapes: Whether Esc cancels.
+        prefix: Prefix of the names.
+        title: Title of the modal window.
+        job: The job.
+        text: Text below the progress bar.
+        escapes: True if Esc cancels, too.
     """
     modal_title(fonts, title)
     known = job.share > 0.0

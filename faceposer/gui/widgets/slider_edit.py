@@ -1,4 +1,4 @@
-"""Keeps one edit of the session open while a slider is dragged: one drag is one step of the history."""
+"""Edits by sliders: a drag is one step of the history."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -9,8 +9,8 @@ from imgui_bundle import imgui
 from faceposer.session.session import Session
 
 
-class _Abandoned(Exception):
-    """The drag of a slider was taken back."""
+class _Cancelled(Exception):
+    """The drag of a slider was cancelled."""
 
 
 @dataclass
@@ -21,21 +21,21 @@ class _Open:
 
 
 class SliderEdit:
-    """The slider that is being dragged, if any."""
+    """The edit of the session during the drag of a slider."""
 
     def __init__(self) -> None:
         self._open: _Open | None = None
 
     def dragging(self, key: str) -> bool:
-        """Whether the slider ``key`` is being dragged."""
+        """Return True if the slider ``key`` is being dragged."""
         return self._open is not None and self._open.key == key
 
     @property
     def active(self) -> bool:
-        """Whether any slider is being dragged."""
+        """True if a slider is being dragged."""
         return self._open is not None
 
-    def follow(
+    def update(
         self,
         session: Session,
         key: str,
@@ -45,16 +45,16 @@ class SliderEdit:
         begin: Callable[[], None] | None = None,
         merges: bool = False,
     ) -> None:
-        """Open, continue or end the edit of the slider that was drawn last.
+        """Start, continue or end the edit of the last drawn slider.
 
         Args:
-            session: What it edits.
-            key: Tells it from other sliders.
-            label: Of the step in the history.
-            changed: Whether its value has just changed.
-            apply: Brings the value into the session, inside the edit.
-            begin: Called when a drag begins, before anything changes.
-            merges: Whether it joins the step before, if that has the same label.
+            session: The session.
+            key: Identifier of the slider.
+            label: Label of the step in the history.
+            changed: True if the value has just changed.
+            apply: Applies the value to the session, within the edit.
+            begin: Called at the start of a drag, before any change.
+            merges: True if the edit is merged with the previous step, provided that their labels are equal.
         """
         if imgui.is_item_activated() and not session.editing:
             if begin is not None:
@@ -67,20 +67,20 @@ class SliderEdit:
         if changed:
             apply()
         if imgui.is_key_pressed(imgui.Key.escape, False):
-            self._end(abandon=True)
+            self._end(cancel=True)
         elif not imgui.is_item_active():
             self._end()
 
-    def _end(self, abandon: bool = False) -> None:
+    def _end(self, cancel: bool = False) -> None:
         assert self._open is not None
         edit, self._open = self._open.edit, None
-        if abandon:
+        if cancel:
             imgui.internal.clear_active_id()
-            edit.__exit__(_Abandoned, _Abandoned(), None)
+            edit.__exit__(_Cancelled, _Cancelled(), None)
         else:
             edit.__exit__(None, None, None)
 
     def let_go(self) -> None:
-        """End the drag, as when a dialog comes between or the slider is no longer drawn."""
+        """End the drag, for example when a dialog opens or the slider is no longer drawn."""
         if self._open is not None:
             self._end()

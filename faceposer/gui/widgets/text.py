@@ -1,4 +1,4 @@
-"""Text that has to fit: shortened in the middle, where names differ least, or broken into lines."""
+"""Text limited to a width: shortened in the middle, where names differ least, or wrapped."""
 
 from collections.abc import Callable
 
@@ -15,17 +15,17 @@ def text_width(text: str) -> float:
 
 
 def shortened(text: str, width: float, measure: Measure = text_width) -> str:
-    """Return ``text``, with an ellipsis in its middle if it is wider than ``width``.
+    """Return ``text``, with an ellipsis in the middle if it is wider than ``width``.
 
     Args:
         text: One line.
-        width: The room, in the unit of ``measure``.
+        width: Maximum width, in the unit of ``measure``.
         measure: Returns the width of a text.
     """
     if measure(text) <= width:
         return text
     low, high = 0, len(text)
-    # The most letters that fit beside the ellipsis.
+    # Bisection for the number of letters that fit with the ellipsis.
     while low < high:
         count = (low + high + 1) // 2
         if measure(_cut(text, count)) <= width:
@@ -35,8 +35,8 @@ def shortened(text: str, width: float, measure: Measure = text_width) -> str:
     return _cut(text, low)
 
 
-def begun(text: str, width: float, measure: Measure = text_width) -> str:
-    """Return ``text``, a sentence, with an ellipsis at its end if it is wider than ``width``."""
+def truncated(text: str, width: float, measure: Measure = text_width) -> str:
+    """Return ``text``, with an ellipsis at the end if it is wider than ``width``."""
     if measure(text) <= width:
         return text
     while text and measure(f"{text.rstrip()}{_ELLIPSIS}") > width:
@@ -45,25 +45,25 @@ def begun(text: str, width: float, measure: Measure = text_width) -> str:
 
 
 def _cut(text: str, count: int) -> str:
-    """Return ``count`` letters of ``text``, from both of its ends, with an ellipsis between them."""
+    """Return ``count`` letters of ``text``, from both ends, with an ellipsis between them."""
     head = (count + 1) // 2
     tail = text[len(text) - (count - head) :]
     return f"{text[:head].rstrip()}{_ELLIPSIS}{tail.lstrip()}"
 
 
-def broken(text: str, width: float, most: int = 2, measure: Measure = text_width) -> list[str]:
-    """Return ``text`` in at most ``most`` lines no wider than ``width``; what does not fit is cut out of the last.
+def wrapped(text: str, width: float, max_lines: int = 2, measure: Measure = text_width) -> list[str]:
+    """Return ``text`` in at most ``max_lines`` lines no wider than ``width``; the last line is shortened if necessary.
 
     Args:
         text: Words, separated by spaces.
-        width: The room, in the unit of ``measure``.
-        most: At least 1.
+        width: Maximum width, in the unit of ``measure``.
+        max_lines: Maximum number of lines, at least 1.
         measure: Returns the width of a text.
     """
     lines: list[str] = []
     words = text.split()
     while words:
-        if len(lines) == most - 1:
+        if len(lines) == max_lines - 1:
             lines.append(shortened(" ".join(words), width, measure))
             break
         count = 1

@@ -1,4 +1,4 @@
-"""Colours, fonts and measures: one quiet dark look. Lengths are in units of the font's size and grow with it."""
+"""Colours, fonts and sizes of the dark theme. Lengths are in units of the font size."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ HELD: Colour = (0.937, 0.267, 0.267, 1.0)
 
 @dataclass(frozen=True)
 class Fonts:
-    """The loaded fonts; icons are part of each."""
+    """The loaded fonts, which include the icons."""
 
     regular: imgui.ImFont
     bold: imgui.ImFont
@@ -62,7 +62,7 @@ class Icon:
     GAZE = "\uf05b"
     SYMMETRY = "\uf07e"
     PHOTO = "\uf03e"
-    FIGHT = "\uf0e7"
+    CONFLICT = "\uf0e7"
     PLAY = "\uf04b"
     PAUSE = "\uf04c"
     FIRST = "\uf048"
@@ -75,26 +75,26 @@ class Icon:
 
 
 def u32(colour: Colour, alpha: float = 1.0) -> int:
-    """Return ``colour`` for a draw list, its opacity multiplied by ``alpha``."""
+    """Return ``colour`` for a draw list, with its opacity multiplied by ``alpha``."""
     return imgui.color_convert_float4_to_u32(ImVec4(*colour[:3], colour[3] * alpha))
 
 
 def em(units: float = 1.0) -> float:
-    """Return ``units`` times the size of the current font, in window units."""
+    """Return ``units`` times the current font size, in window units."""
     return units * imgui.get_font_size()
 
 
 def load_fonts() -> Fonts:
-    """Load the fonts that come with Dear ImGui Bundle.
+    """Load the fonts of Dear ImGui Bundle.
 
     Raises:
-        FacePoserError: If that package lacks them.
+        FacePoserError: If a font is missing.
     """
 
     def load(name: str) -> imgui.ImFont:
         for path in (fonts_folder() / name, icons):
             if not path.is_file():
-                raise FacePoserError(f"The font '{path}' is missing; install the package imgui-bundle again.")
+                raise FacePoserError(f"The font '{path}' is missing; reinstall the package imgui-bundle.")
         atlas = imgui.get_io().fonts
         font = atlas.add_font_from_file_ttf(str(fonts_folder() / name), FONT_SIZE)
         merge = imgui.ImFontConfig()
@@ -108,7 +108,7 @@ def load_fonts() -> Fonts:
 
 
 def apply_theme(scale: float) -> None:
-    """Set colours and measures for a display on which everything is ``scale`` times as large."""
+    """Set the colours, and the sizes multiplied by ``scale``."""
     style = imgui.get_style()
     for name in ("window_rounding", "child_rounding", "tab_rounding"):
         setattr(style, name, 0.0)

@@ -1,5 +1,6 @@
 """Base classes of all kinds of constraints."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Protocol, Self
 
@@ -34,7 +35,7 @@ class PlaceNames(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConstraintBase:
+class ConstraintBase(ABC):
     """Base class of constraints: weight, switches and default implementations.
 
     Attributes:
@@ -59,9 +60,9 @@ class ConstraintBase:
     rest: Array | None = field(default=None, compare=False, repr=False)
 
     @property
+    @abstractmethod
     def points(self) -> SurfacePoints:
         """The constrained points of the surface."""
-        raise NotImplementedError
 
     @property
     def places(self) -> SurfacePoints | None:
@@ -79,6 +80,7 @@ class ConstraintBase:
         """Return the constraint for editing, without rest positions."""
         return self if self.rest is None else replace(self, rest=None)
 
+    @abstractmethod
     def rebound(self, places: SurfacePoints | None, frame: Similarity, shift: Array) -> Self:
         """Return the constraint transferred to another version of the character.
 
@@ -87,7 +89,6 @@ class ConstraintBase:
             frame: Similarity from the old version to the new one, which the camera follows.
             shift: Offset of each new rest position from the old one transformed by ``frame``, shape (n, 3).
         """
-        raise NotImplementedError
 
     def resolved(self, model: FaceModel, p: ArrayLike) -> Self:
         """Check the points of the constraint, and return it unchanged.
@@ -98,7 +99,7 @@ class ConstraintBase:
         self.points.check(model.triangles)
         return self
 
-    def moved_start(self, model: FaceModel, start: Array) -> Array:
+    def offset_start(self, model: FaceModel, start: Array) -> Array:
         """Return the ``start`` pose unchanged: most constraints act through their energy only."""
         return start
 
@@ -106,9 +107,9 @@ class ConstraintBase:
         """Return ``residual_px``, given the projected ``pixels`` of the constraint's points, shape (n, 2)."""
         return self.residual_px(model, p)
 
+    @abstractmethod
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:
         """Return the residual of the constraint on the face ``p``, shape (r,), in pixels."""
-        raise NotImplementedError
 
     def nudged(self, offset: tuple[float, float]) -> Self | None:
         """Return the constraint with its target moved by ``offset`` pixels of its camera, or None without a target."""

@@ -131,7 +131,7 @@ class DistanceConstraint(ConstraintBase):
 
 @lru_cache(maxsize=64)
 def _reach(model: FaceModel, points: SurfacePoints, camera: Camera) -> tuple[float, float]:
-    rows, neutral = model.rows_at(points)
+    rows, neutral = model.jacobian_at(points)
     # With about 100 shapes, all pairs are a few thousand faces of two points each.
     alone = np.concatenate([np.zeros((1, 2, 3)), np.moveaxis(rows @ model.subspace.projection, -1, 0)])
     pairs = neutral + alone[:, None] + alone[None]

@@ -152,11 +152,11 @@ class FixedTerm(QuadraticTerm):
     def __init__(self, constraint: FixedConstraint, model: FaceModel) -> None:
         """Prepare the term for ``constraint``."""
         points = constraint.points
-        rows, neutral = model.rows_at(points)
+        rows, neutral = model.jacobian_at(points)
         flat = rows.reshape(-1, rows.shape[-1])
         offset = (neutral - (neutral if constraint.positions is None else constraint.positions)).ravel()
         scale = constraint.weight * min(len(points), _AS_MANY_POINTS) / len(points) * (PX_PER_CM / SIGMA_PX) ** 2
-        self._matrix = scale * model.gram_at(points)
+        self._matrix = scale * model.jacobian_gram_at(points)
         self._slope = scale * (offset @ flat)
         self._constant = scale * float(offset @ offset)
 

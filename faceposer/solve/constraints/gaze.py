@@ -78,7 +78,7 @@ class GazeConstraint(ConstraintBase):
             **{f"eyeLookDown{side}": max(-up, 0.0) for side in ("Left", "Right")},
         }
 
-    def moved_start(self, model: FaceModel, start: Array) -> Array:
+    def offset_start(self, model: FaceModel, start: Array) -> Array:
         """Return the start pose ``start``, shape (r,), with the eyes turned."""
         weights = model.weights_of(start)
         for name, value in self.weights().items():

@@ -86,7 +86,7 @@ class Constraint(Protocol):
         """
         ...
 
-    def moved_start(self, model: FaceModel, start: Array) -> Array:
+    def offset_start(self, model: FaceModel, start: Array) -> Array:
         """Return the ``start`` pose, (r,), with the offset that the constraint adds to it before the solve."""
         ...
 

@@ -297,7 +297,7 @@ def test_what_a_study_writes(tmp_path: Path) -> None:
     assert "stale" not in text
     assert "Both mouth corners up (`corners_up`)" in text
     assert "| Happiness |" in text
-    with pytest.raises(FacePoserError, match="lacks the marks"):
+    with pytest.raises(FacePoserError, match="has no marks"):
         spliced("Without.", "Tables.")
 
 

@@ -12,7 +12,8 @@ from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.gui.widgets.file_dialogs import FileDialogs, FileRequest
+from faceposer.gui.widgets.file_dialogs import FileDialogs
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.formats import write
 from faceposer.model.performance import Performance
 from faceposer.render.options import OutputOptions
@@ -201,7 +202,7 @@ def test_a_pose_is_opened_and_can_be_undone(robot: Robot, tmp_path: Path) -> Non
     robot.frames(2)
     choose(robot, "smile.obj")
     robot.frames(2)
-    assert app.notice.startswith("Opened smile.obj. The pose is that of the mesh.")
+    assert app.notice.startswith("Opened smile.obj. The pose matches the mesh exactly.")
     assert not app.session.document.constraints
     np.testing.assert_allclose(app.session.coefficients, pose, atol=1e-3)
     np.testing.assert_allclose(app.scene.vertices, app.session.model.surface(pose), atol=1e-3)
@@ -231,7 +232,7 @@ def test_a_pose_of_another_face_is_refused(robot: Robot, tmp_path: Path) -> None
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     exchange_of(app).open_pose(tmp_path / "a.obj")
     count = len(app.session.model.character.vertices)
-    assert f"has 3 vertices, and Low-poly head has {count}" in app.dialogs.waiting[0].text
+    assert f"has 3 vertices, but Low-poly head has {count}" in app.dialogs.waiting[0].text
     np.testing.assert_array_equal(app.session.coefficients, pose)
 
 
@@ -273,7 +274,7 @@ def test_the_suffix_typed_decides_or_is_replaced(robot: Robot, tmp_path: Path) -
         assert browser is not None
         assert browser.advice() == (f"Will be saved as {saved}", typed != "v1.2 smile")
         robot.click_widget("files:accept")
-        expected = f"'{typed}' is saved as '{saved}'" if typed != "v1.2 smile" else f"Saved {saved}"
+        expected = f"'{typed}' was saved as '{saved}'" if typed != "v1.2 smile" else f"Saved {saved}"
         assert app.notice == expected
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["double.glb", "face.ply", "other.glb", "v1.2 smile.glb"]
@@ -286,7 +287,7 @@ def test_what_cannot_hold_the_animation_is_not_taken_for_it(robot: Robot, tmp_pa
     exchange.performance = lambda: take
     open_export(robot, "csv")
     choose(robot, "a.ply")
-    assert app.notice == "'a.ply' is saved as 'a.csv'"
+    assert app.notice == "'a.ply' was saved as 'a.csv'"
     assert len(read_capture(tmp_path / "a.csv").weights) == 3
 
 
@@ -355,13 +356,13 @@ def test_materials_can_be_left_out_and_foreign_ones_are_asked_about(robot: Robot
     open_export(robot, "obj")
     choose(robot, "a")
     assert app.file_dialogs.open
-    assert app.file_dialogs._browser.message == "'a.mtl' exists; accept again to replace it."
+    assert app.file_dialogs._browser.message == "'a.mtl' already exists; press Replace to overwrite it."
     robot.click_widget("files:accept")
     assert app.notice == "Saved a.obj"
     assert (tmp_path / "a_skin.jpg").is_file()
     open_export(robot, "obj")
     choose(robot, "a")
-    assert app.file_dialogs._browser.message == "'a.obj' exists; accept again to replace it."
+    assert app.file_dialogs._browser.message == "'a.obj' already exists; press Replace to overwrite it."
     robot.click_widget("files:accept")
     app.actions["export-other"].run()
     robot.frames(2)
@@ -426,9 +427,9 @@ def test_an_answer_of_the_systems_dialog_follows_the_same_rule(robot: Robot, tmp
         dialogs.poll()
         assert not dialogs.open
     assert saved == ["face.obj", "v1.2 smile.obj", "face.obj", "old.obj"], "the system has asked about old.obj"
-    assert notices == ["'face.gif' is saved as 'face.obj'"]
+    assert notices == ["'face.gif' was saved as 'face.obj'"]
     dialogs._native = (request, Answer("old.stl"))
     dialogs.poll()
     assert dialogs.browsing, "nobody has been asked about old.obj"
-    assert dialogs._browser.message == "'old.obj' exists; accept again to replace it."
+    assert dialogs._browser.message == "'old.obj' already exists; press Replace to overwrite it."
     assert len(saved) == 4

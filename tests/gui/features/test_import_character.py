@@ -17,7 +17,8 @@ from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature, ImportForm
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.gui.widgets.file_dialogs import FileRequest, PathBrowser
+from faceposer.gui.widgets.file_request import FileRequest
+from faceposer.gui.widgets.path_browser import PathBrowser
 from faceposer.model.character_file import load_character
 from faceposer.session.character_library import CharacterLibrary
 from faceposer.session.opening import open_session

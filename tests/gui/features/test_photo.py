@@ -33,7 +33,7 @@ def quick(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Robot:
     """The robot where the picture itself does not matter, which is most of the time of a frame without a GPU."""
     app = robot.app
     monkeypatch.setattr(
-        app, "picture", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
+        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
     )
     return robot
 

@@ -412,7 +412,7 @@ def test_recent_files_follow_opening_and_saving(start: Start, tmp_path: Path) ->
 
     app.files.recent.open(str(paths[-1]))
     robot.frames(2)
-    assert asked(robot) == "This file is gone"
+    assert asked(robot) == "File not found"
     assert str(paths[-1]) in app.dialogs.waiting[0].text
     answer(robot, 0)
     assert str(paths[-1]) not in app.settings.recent

@@ -332,7 +332,7 @@ def test_following_can_be_stopped_and_tells_what_went_wrong(robot: Robot, monkey
     settle(robot)
     assert frames(robot) == ()
     assert not app.dialogs.open
-    monkeypatch.setattr("faceposer.animation.following.follow", lambda *_args, **_named: 1 / 0)
+    monkeypatch.setattr("faceposer.animation.following.solve_trajectories", lambda *_args, **_named: 1 / 0)
     following.solve_drawn()
     settle(robot)
     robot.frames(2)
@@ -418,7 +418,7 @@ def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, mon
             progress.check()
             time.sleep(0.005)
 
-    monkeypatch.setattr("faceposer.animation.following.follow", slow)
+    monkeypatch.setattr("faceposer.animation.following.solve_trajectories", slow)
     robot.click_widget("follow")
     while "following:cancel" not in app.widget_rects:
         robot.frames()

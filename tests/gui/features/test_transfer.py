@@ -48,9 +48,9 @@ def test_a_smile_goes_to_another_face_as_a_new_pose(robot: Robot) -> None:
     app = robot.app
     state = begin(robot, "woman")
     assert app.is_modal
-    drawn = [scene.pictures_drawn for scene in state.scenes]
+    drawn = [scene.images_rendered for scene in state.scenes]
     robot.frames(5)
-    assert [scene.pictures_drawn for scene in state.scenes] == drawn
+    assert [scene.images_rendered for scene in state.scenes] == drawn
     robot.click_widget("transfer:open")
     # What was there is not saved.
     robot.frames(2)

@@ -33,7 +33,7 @@ TABLE = (
     action("Save", keys=("Ctrl+S",), text="Save the session"),
     action("Save OBJ as...", keys=("Ctrl+Shift+E",)),
     action("Reset to neutral", "Edit", ("R",), "Back to the neutral face, no points"),
-    action("Wireframe", "View", ("W",), "Draw the edges of the mesh"),
+    action("Wireframe", "View", ("W",), "Show the edges of the mesh"),
     action("Side panel", "View", ("N",)),
     action("Show points", "View", ("P",), "Draw the pins over the face"),
 )

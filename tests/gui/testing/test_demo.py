@@ -28,7 +28,7 @@ def test_pictures_show_the_face_change(demo: DemoFiles) -> None:
     with Image.open(demo.animation) as animation:
         assert animation.n_frames > 50  # type: ignore[attr-defined]
     assert demo.animation.stat().st_size < 4 * 2**20
-    with Image.open(demo.picture) as picture:
+    with Image.open(demo.image) as picture:
         assert picture.size == first.shape[1::-1]
 
 

@@ -12,7 +12,7 @@ from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 
 _MENU = "Animate"
 _TRAJECTORIES = (".csv", ".json", ".c3d")

@@ -16,7 +16,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.export.dialog import draw_form, draw_progress
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.formats import FORMATS, Output, offered, write_sequence_steps, write_steps
 from faceposer.interchange.meshes import foreign_library
 from faceposer.render.options import OutputOptions

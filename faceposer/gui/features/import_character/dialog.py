@@ -11,7 +11,7 @@ from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.basic import WidgetRects, caption, choice, tooltip
-from faceposer.gui.widgets.file_dialogs import FileRequest, Purpose
+from faceposer.gui.widgets.file_request import FileRequest, Purpose
 from faceposer.gui.widgets.modal import draw_job, modal, modal_buttons, modal_title
 from faceposer.gui.widgets.theme import BAD, Icon, em
 

@@ -18,13 +18,13 @@ from faceposer.gui.features.photo.actions import photo_actions
 from faceposer.gui.features.photo.overlay import draw_photo_overlay
 from faceposer.gui.features.photo.panel import draw_photo_tab
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.photo.aligning import aligned, first_camera
 from faceposer.photo.photo import MAX_PHOTOS, Photo, Place
 from faceposer.photo.reading import FOREIGN_SUFFIXES, PHOTO_SUFFIXES, inspect_photo, read_photo
 from faceposer.render.offscreen import photo_texture
 from faceposer.render.renderer import PhotoLayer
-from faceposer.session.photos import with_expression, with_photo
+from faceposer.session.photos import pose_from_photo, with_photo
 from faceposer.solve.camera_fit import LEAST_POINTS
 from faceposer.tools.photo_tool import PhotoTool
 
@@ -345,4 +345,4 @@ class PhotoFeature(Feature):
             return
         self.context.toolbox.finish()
         with session.edit("Pose from the photo"):
-            session.replace(with_expression(session.document, session.model, photo))
+            session.replace(pose_from_photo(session.document, session.model, photo))

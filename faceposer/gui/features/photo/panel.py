@@ -94,7 +94,7 @@ def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
     def apply() -> None:
         photos.change(replace(photo, opacity=min(max(opacity, 0.0), 1.0)), "Opacity of the photo")
 
-    context.slider_edit.follow(context.session, "photo-opacity", "Opacity of the photo", changed, apply)
+    context.slider_edit.update(context.session, "photo-opacity", "Opacity of the photo", changed, apply)
     shown = context.actions["photo-shown"]
     pressed, _ = imgui.checkbox("Show the photo", photo.visible)
     context.widget_rects.record("photo-shown")
@@ -145,7 +145,7 @@ def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
     def apply() -> None:
         photos.realign(focal_in_pixels(value, photo.size))
 
-    context.slider_edit.follow(context.session, "photo-focal", "Focal length of the photo", changed, apply)
+    context.slider_edit.update(context.session, "photo-focal", "Focal length of the photo", changed, apply)
 
 
 def _projected_height(context: EditorContext, photo: Photo) -> float:

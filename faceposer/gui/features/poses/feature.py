@@ -16,7 +16,7 @@ from faceposer.gui.features.poses.name_dialog import NameDialog
 from faceposer.gui.features.poses.panel import Category, PosesPanel
 from faceposer.gui.features.poses.portraits import FILE_SIZE, Portraits
 from faceposer.gui.widgets.dialogs import Choice, Question
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.poses.applying import (
     REGIONS,
     Blend,
@@ -29,7 +29,7 @@ from faceposer.poses.applying import (
     pose_of,
     weights_on,
 )
-from faceposer.poses.library import Entry, PoseLibrary, own_folder, starter_poses
+from faceposer.poses.library import Entry, PoseLibrary, default_pose_folder, starter_poses
 from faceposer.poses.pose_file import Pose, checked_name
 from faceposer.render.images import write_png
 from faceposer.session.session import Session
@@ -193,7 +193,7 @@ class PosesFeature(Feature):
     def library(self) -> PoseLibrary:
         """The user's pose library."""
         folder = self.context.settings.poses_folder
-        return PoseLibrary(Path(folder) if folder else own_folder())
+        return PoseLibrary(Path(folder) if folder else default_pose_folder())
 
     def entries(self) -> list[Entry]:
         """Return the built-in poses that fit this face, followed by all poses of the user."""

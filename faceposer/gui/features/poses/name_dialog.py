@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
-from faceposer.gui.widgets.basic import lit_button
+from faceposer.gui.widgets.basic import toggle_button
 from faceposer.gui.widgets.modal import modal, modal_title
 from faceposer.gui.widgets.theme import ACCENT_DARK, WARNING, em
 from faceposer.poses.library import PoseExistsError
@@ -75,7 +75,7 @@ class NameDialog:
         left = imgui.get_content_region_avail().x - 2.0 * width - imgui.get_style().item_spacing.x
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(left, 0.0))
         imgui.begin_disabled(not self._name.strip() or len(self._name.strip()) > LONGEST_NAME)
-        accepted = lit_button("Replace" if self._exists else self._verb, True, ACCENT_DARK, width)
+        accepted = toggle_button("Replace" if self._exists else self._verb, True, ACCENT_DARK, width)
         imgui.end_disabled()
         context.widget_rects.record("pose-name:accept")
         imgui.same_line()

@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.gui.widgets.basic import WidgetRects, action_button, button_width, caption, choice, lit_button, tooltip
+from faceposer.gui.widgets.basic import (
+    WidgetRects,
+    action_button,
+    button_width,
+    caption,
+    choice,
+    toggle_button,
+    tooltip,
+)
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, ACCENT_DARK, FAINT, FIELD, INK, RAISED_MORE, WARNING, Icon, em, u32
 from faceposer.poses.applying import GREATEST_STRENGTH, LEAST_STRENGTH, REGIONS, Array, Blend, Region, Side, misfit
@@ -218,7 +226,7 @@ class PosesPanel:
         )
         context.widget_rects.record("poses:strength")
         if last is not None:
-            context.slider_edit.follow(
+            context.slider_edit.update(
                 context.session,
                 "pose-strength",
                 f"Apply {last.pose.name}",
@@ -250,14 +258,14 @@ class PosesPanel:
         width = (imgui.get_content_region_avail().x - gap * len(REGIONS)) / (len(REGIONS) + 1)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.1), imgui.get_style().frame_padding.y))
         chosen = regions
-        if lit_button("Face##region", regions == everything, ACCENT_DARK, width):
+        if toggle_button("Face##region", regions == everything, ACCENT_DARK, width):
             chosen = everything
         context.widget_rects.record("poses:region:all")
         tooltip("Apply poses to the whole face.")
         for region in REGIONS:
             imgui.same_line(0.0, gap)
             on = region in regions and regions != everything
-            if lit_button(f"{region.title()}##region", on, ACCENT_DARK, width):
+            if toggle_button(f"{region.title()}##region", on, ACCENT_DARK, width):
                 # The first press selects a single region, further presses add to it.
                 chosen = frozenset((region,)) if regions == everything else regions ^ {region}
             context.widget_rects.record(f"poses:region:{region}")

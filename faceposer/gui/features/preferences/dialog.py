@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, get_args
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.gui.actions import Action, shown_key
+from faceposer.gui.actions import Action, display_key
 from faceposer.gui.settings import LIMITS
 from faceposer.gui.widgets.basic import caption, choice, heading, tooltip
 from faceposer.gui.widgets.modal import modal, modal_buttons, modal_title
@@ -155,7 +155,7 @@ class PreferencesDialog:
         imgui.begin_child("##keys")
         menu = ""
         for action in context.actions:
-            written = ", ".join(shown_key(key) for key in action.keys)
+            written = ", ".join(display_key(key) for key in action.keys)
             in_label = filter_text in action.label.lower()
             if not in_label and filter_text not in written.lower().split(", "):
                 continue
@@ -191,13 +191,13 @@ class PreferencesDialog:
         rects.record(f"keymap:{action.name}:clear")
         tooltip("Remove the key")
         imgui.same_line(0.0, em(0.2))
-        default = preferences.context.actions.usual_keys(action.name)
+        default = preferences.context.actions.default_keys(action.name)
         imgui.begin_disabled(action.keys == default)
         if imgui.button(f"{Icon.UNDO}##reset", (side, 0.0)):
             preferences.change_keys(action.name, default)
         imgui.end_disabled()
         rects.record(f"keymap:{action.name}:reset")
-        tooltip(f"Reset to {', '.join(map(shown_key, default)) or 'no key'}")
+        tooltip(f"Reset to {', '.join(map(display_key, default)) or 'no key'}")
 
 
 def _label(text: str) -> None:

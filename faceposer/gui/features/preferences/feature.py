@@ -9,7 +9,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.preferences.dialog import PreferencesDialog
 from faceposer.gui.settings import Settings, save_settings
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.render.options import Look
 from faceposer.session.autosave import autosave_dir
 from faceposer.tools.tool import Navigation
@@ -135,7 +135,7 @@ class PreferencesFeature(Feature):
             self.problem = str(error)
             return
         self.problem = ""
-        if tuple(keys) == actions.usual_keys(name):
+        if tuple(keys) == actions.default_keys(name):
             self.settings.keys.pop(name, None)
         else:
             self.settings.keys[name] = list(keys)

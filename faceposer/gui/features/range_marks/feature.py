@@ -173,7 +173,7 @@ class RangeMarksFeature(Feature):
             pose = session.model.neutral() if session.document.start is None else session.document.start
             for constraint in session.document.constraints:
                 if constraint.enabled:
-                    pose = constraint.moved_start(session.model, pose)
+                    pose = constraint.offset_start(session.model, pose)
             self._start = (key, pose)
         return self._start[1]
 

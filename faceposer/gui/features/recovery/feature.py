@@ -62,7 +62,7 @@ class RecoveryFeature(Feature):
         if self._offers and not (context.dialogs.open or context.file_dialogs.open or context.is_modal or context.busy):
             self._offer(self._offers.pop(0))
         try:
-            self._journal.follow(context.session, context.viewport.camera)
+            self._journal.update(context.session, context.viewport.camera)
         except FacePoserError as error:
             # Writing is attempted again and again; the first failure is reported.
             if not self._failure_reported:

@@ -86,9 +86,9 @@ class TrajectoryRequest:
 
 def _solve(request: TrajectoryRequest, progress: Progress) -> Performance:
     # Imported here, because the libraries take a good part of a second to load.
-    from faceposer.animation.following import follow
+    from faceposer.animation.following import solve_trajectories
 
-    return follow(
+    return solve_trajectories(
         request.model,
         request.trajectories,
         smoothness=request.options.smoothness,

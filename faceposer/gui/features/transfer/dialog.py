@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import OrbitView
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.basic import caption, choice, tooltip
-from faceposer.gui.widgets.file_dialogs import FileRequest
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.modal import modal, modal_title
 from faceposer.gui.widgets.theme import ACCENT_DARK, BAD, FAINT, INK, Icon, em
 from faceposer.model.face_model import FaceModel

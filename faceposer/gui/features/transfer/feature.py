@@ -16,7 +16,7 @@ from faceposer.gui.features.transfer.dialog import TransferDialog
 from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
 from faceposer.session.document import Document
-from faceposer.session.opening import load_model, session_of
+from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 from faceposer.session.transferred import transferred
@@ -202,7 +202,7 @@ class TransferFeature(Feature):
 
     def _open(self, document: Document) -> None:
         def opening(worker: Worker) -> Session:
-            session = session_of(document, None, worker)
+            session = session_for(document, None, worker)
             session.mark_unsaved()
             return session
 

@@ -1,6 +1,6 @@
-"""The marks of constraints over the view, one file a kind; ``MARKS`` has the maker of each.
+"""Marks of constraints in the view, one module per kind, registered in ``MARKS``.
 
-A kind without a line here appears as dots at its points. Points themselves are drawn as pins (``overlays/pins.py``).
+A kind without an entry is drawn as dots at its points. Point constraints are drawn as pins (``overlays/pins.py``).
 """
 
 from faceposer.gui.overlays.marks import curve, distance, fixed, gaze, stroke
@@ -20,12 +20,12 @@ MARKS: dict[str, MarkMaker | None] = {
 
 
 def mark_of(index: int, constraint: Constraint, view: MarkView) -> Mark | None:
-    """Return how ``constraint`` appears in ``view``, or None where it has no mark."""
+    """Return the mark of ``constraint`` in ``view``, or None if it has none."""
     make = MARKS.get(constraint.kind, fixed.points_mark_of)
     return None if make is None else make(index, constraint, view)
 
 
 def painted_order(kind: str) -> int:
-    """Return the place of a ``kind`` in the order of drawing, from what lies below to what lies above."""
+    """Return the rank of a ``kind`` in the drawing order, from back to front."""
     kinds = list(MARKS)
     return kinds.index(kind) if kind in MARKS else 0

@@ -1,4 +1,4 @@
-"""The mark of a distance."""
+"""Mark of a distance."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ from faceposer.gui.widgets.theme import TARGET, WARNING
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.tools.distance_tool import PairMark, pair_mark
 
-# Pixels at normal density from which a distance is visibly not what it should be.
-_APART = 1.5
+# Residual in pixels at normal density from which the target is drawn.
+_VISIBLE_GAP = 1.5
 
 
 @dataclass(frozen=True)
@@ -22,27 +22,27 @@ class DistanceMark:
     pair: PairMark
 
     def paint(self, painter: Painter, alpha: float) -> None:
-        """Draw it with the opacity ``alpha``."""
+        """Draw the mark with opacity ``alpha``."""
         ends, goal, scale = self.pair.ends, self.pair.goal, painter.scale
-        lit = self.pair.index in painter.lit
+        highlighted = self.pair.index in painter.highlighted
         along = ends[1] - ends[0]
         length = float(np.hypot(*along))
         across: Array = np.array([-along[1], along[0]]) / length if length > 1e-6 else np.array([1.0, 0.0])
-        if goal is not None and abs(float(np.hypot(*(goal[1] - goal[0]))) - length) > _APART * scale:
+        if goal is not None and abs(float(np.hypot(*(goal[1] - goal[0]))) - length) > _VISIBLE_GAP * scale:
             for tip in goal:
                 painter.line(np.stack([tip - 7.0 * scale * across, tip + 7.0 * scale * across]), WARNING, 2.0, alpha)
             painter.line(goal + 4.0 * scale * across, WARNING, 1.4, 0.8 * alpha)
-        painter.line(ends, TARGET, 2.4 if lit else 1.8, alpha)
+        painter.line(ends, TARGET, 2.4 if highlighted else 1.8, alpha)
         for x, y in ends.tolist():
-            painter.knob((x, y), 5.0 if goal is not None else 3.6, TARGET, alpha, lit)
+            painter.knob((x, y), 5.0 if goal is not None else 3.6, TARGET, alpha, highlighted)
         painter.text(ends.mean(axis=0) + (12.0 * scale, 0.0), f"{length:.0f} px", alpha)
 
     @property
     def anchor(self) -> Pixel | None:
-        """Its middle."""
+        """The middle of the line."""
         return as_pixel(self.pair.ends.mean(axis=0))
 
 
 def mark_of(index: int, constraint: DistanceConstraint, view: MarkView) -> DistanceMark:
-    """Return how ``constraint`` appears."""
+    """Return the mark of ``constraint``."""
     return DistanceMark(pair_mark(index, constraint, view.viewport))

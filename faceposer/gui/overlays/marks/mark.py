@@ -1,4 +1,4 @@
-"""What all marks of constraints have in common."""
+"""Interface of constraint marks, and the view in which they are drawn."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.viewport import Pixel, Viewport
 from faceposer.render.scene import Scene
 from faceposer.solve.constraints.stroke import Pixels
-from faceposer.tools.stroke_tool import seen_pixels
+from faceposer.tools.stroke_tool import pixels_in_view
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,8 @@ class MarkView:
 
     Attributes:
         viewport: The view.
-        scene: The face.
-        moving: Whether the face or the view moves: then what the face hides is judged only by where it faces away.
+        scene: The drawn face.
+        moving: True while the face or the view moves; only points facing away then count as hidden.
     """
 
     viewport: Viewport
@@ -38,46 +38,46 @@ class MarkView:
         return self.viewport.camera
 
     def hidden(self, points: SurfacePoints) -> NDArray[np.bool_]:
-        """Return which of ``points`` the face hides, shape (n,)."""
+        """Return a mask of the ``points`` hidden by the face, shape (n,)."""
         if self.moving:
             return self.scene.facing_away(self.camera, points)
         return self.viewport.hidden(points)
 
-    def places(self, points: SurfacePoints) -> Array:
-        """Return where ``points`` of the face are in space, shape (n, 3)."""
+    def positions(self, points: SurfacePoints) -> Array:
+        """Return the positions of ``points`` of the face, shape (n, 3)."""
         return points.positions(self.scene.vertices, self.scene.triangles)
 
-    def shown(self, pixels: Pixels, camera: Camera, places: Array) -> tuple[Array, bool]:
-        """Return where the view shows what was drawn at ``pixels`` of ``camera``, and whether it is the same view.
+    def shown(self, pixels: Pixels, camera: Camera, positions: Array) -> tuple[Array, bool]:
+        """Convert ``pixels`` of ``camera`` to the view, and return them with True if ``camera`` is that of the view.
 
-        From elsewhere, a drawing is shown as if it stood in space as far away as ``places``, (n, 3), on the face do.
+        For another camera, the pixels are placed in space at the mean depth of ``positions``, (n, 3), on the face.
         """
-        seen = seen_pixels(pixels, camera, self.camera)
+        seen = pixels_in_view(pixels, camera, self.camera)
         if seen is not None:
             return seen, True
-        depth = float(camera.to_camera(places)[:, 2].mean())
+        depth = float(camera.to_camera(positions)[:, 2].mean())
         offsets = (np.asarray(pixels, dtype=np.float64) - camera.principal_point) / camera.focal
         local = np.column_stack([offsets * depth, np.full(len(offsets), depth)])
         return self.camera.project((local - camera.translation) @ camera.rotation), False
 
 
 class Mark(Protocol):
-    """How one constraint appears in the view."""
+    """A constraint as drawn in the view."""
 
     def paint(self, painter: Painter, alpha: float) -> None:
-        """Draw it with the opacity ``alpha``."""
+        """Draw the mark with opacity ``alpha``."""
 
     @property
     def anchor(self) -> Pixel | None:
-        """A place in the view beside which a label can stand, or None."""
+        """Pixel next to which a label is drawn, or None."""
         ...
 
 
-#: Makes the mark of the constraint with an index; None where it has none.
+#: Returns the mark of the constraint with an index, or None.
 MarkMaker = Callable[[int, Any, MarkView], Mark | None]
 
 
-def as_pixel(place: Array) -> Pixel:
-    """Return the pixel ``place``, shape (2,)."""
-    u, v = place.tolist()
+def as_pixel(pixel: Array) -> Pixel:
+    """Convert ``pixel``, shape (2,), to a tuple."""
+    u, v = pixel.tolist()
     return (u, v)

@@ -1,4 +1,4 @@
-"""What can be set on a constraint, one file a kind; a kind without a line here has its weight."""
+"""Settings of the selected constraint, one module per kind; a kind without an entry in ``DETAILS`` has a weight."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,7 +20,7 @@ DETAILS: dict[str, Callable[[EditorContext, int, Any], None]] = {
 
 
 def draw_details(context: EditorContext, index: int) -> None:
-    """Draw what can be set on constraint ``index``."""
+    """Draw the settings of constraint ``index``."""
     constraint = context.session.document.constraints[index]
     imgui.push_id(f"constraint {index}")
     conflict = context.drawn_constraints.conflicts.get(index)
@@ -35,5 +35,5 @@ def draw_details(context: EditorContext, index: int) -> None:
         if imgui.button("Go to its view", (-1.0, 0.0)):
             context.viewport.look_through(constraint.camera)
         context.widget_rects.record("its-view")
-        tooltip("Turn to the view that it was drawn in, where its target can be seen and changed")
+        tooltip("Return to the view in which it was drawn, where its target can be changed")
     imgui.pop_id()

@@ -1,4 +1,4 @@
-"""The details of a distance."""
+"""Settings of a distance."""
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.sliders import attribute_slider, weight_slider
@@ -7,10 +7,10 @@ from faceposer.solve.constraints.distance import DistanceConstraint
 
 
 def draw(context: EditorContext, index: int, constraint: DistanceConstraint) -> None:
-    """Draw the distance, as far as this face can do it, and the weight."""
+    """Draw sliders for the distance, within the range of the face, and the weight."""
     low, high = constraint.reach(context.session.model)
     limits = (min(low, constraint.target), max(high, constraint.target))
-    tip = "Pixels between the two points, as far as this face can do. Ctrl+click to type a value."
+    tip = "Target distance in pixels, within the range of this face. Ctrl+click to type a value."
     attribute_slider(context, index, "Distance", "target", constraint.target, limits, "%.1f px", tip)
-    caption(f"now {constraint.measured(context.session.model, context.session.coefficients):.1f} px")
+    caption(f"Current: {constraint.measured(context.session.model, context.session.coefficients):.1f} px")
     weight_slider(context, index, constraint)

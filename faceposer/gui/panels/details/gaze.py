@@ -1,4 +1,4 @@
-"""The details of the gaze."""
+"""Settings of a gaze constraint."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from faceposer.solve.constraints.gaze import MOST_PITCH, MOST_YAW, GazeConstrain
 
 
 def draw(context: EditorContext, index: int, constraint: GazeConstraint) -> None:
-    """Draw the two angles; eyes obey whatever else pulls, so that there is no weight."""
+    """Draw the two angles; gaze is always met exactly and needs no weight."""
     for axis, (title, most) in enumerate((("Left", MOST_YAW), ("Up", MOST_PITCH))):
         key = f"gaze:{axis}"
 

@@ -1,4 +1,4 @@
-"""Sliders for the values of a constraint."""
+"""Sliders for the settings of a constraint."""
 
 from dataclasses import replace
 from typing import Any
@@ -46,7 +46,7 @@ def value_slider(
     tip: str = "",
     logarithmic: bool = False,
 ) -> None:
-    """Draw a slider for a value of constraint ``index``, which ``changed_to`` puts into it."""
+    """Draw a slider for a setting of constraint ``index``; ``changed_to(value)`` returns the changed constraint."""
     imgui.align_text_to_frame_padding()
     imgui.text(title)
     imgui.same_line(em(6.6))
@@ -58,13 +58,13 @@ def value_slider(
     def apply() -> None:
         context.session.change_constraint(index, changed_to(new), f"Change {title.lower()}")
 
-    context.slider_edit.follow(context.session, f"{key}:{index}", f"Change the {title.lower()}", changed, apply)
+    context.slider_edit.update(context.session, f"{key}:{index}", f"Change the {title.lower()}", changed, apply)
     if tip:
         tooltip(tip)
 
 
 def weight_slider(context: EditorContext, index: int, constraint: Constraint) -> None:
-    """Draw the slider of the weight that most kinds have."""
-    tip = "How much this one counts against the others and against what is natural."
+    """Draw the slider for the weight."""
+    tip = "Weight relative to other constraints and to the prior."
     limits = (0.0, LARGEST_WEIGHT)
     attribute_slider(context, index, "Weight", "weight", constraint.weight, limits, "%.2f", tip, logarithmic=True)
