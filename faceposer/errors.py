@@ -8,7 +8,7 @@ _LONGEST_NAME, _LONGEST_MESSAGE = 80, 1000
 class FacePoserError(Exception):
     """A problem reported to the user in one sentence: what is wrong, where, and how to fix it.
 
-    What a message quotes from files is shown by ``printable``.
+    Text quoted from files is displayed by ``printable``.
     """
 
     def __init__(self, message: object = "") -> None:
