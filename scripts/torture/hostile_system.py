@@ -214,7 +214,7 @@ def torture(root: Path, short: bool) -> dict[str, object]:
     windows = window_cases.cases(root / "windows", short)
     for name, work, condition in windows:
         count += 1
-        ended = run(work, condition)
+        ended = run(work, condition, patience=600.0)
         if ended.status:
             wrong += _told(f"window, {name}", [f"status {ended.status}: {ended.err.strip()[-1500:]}"])
     for folder in places.rglob("*"):
