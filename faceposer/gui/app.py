@@ -135,14 +135,13 @@ class App:
         self.highlighted: int | None = None
         self.debug = bool(os.environ.get("FACEPOSER_DEBUG"))
         self.frame_seconds, self.frames_drawn = 0.0, 0
-        self._trim_at = _FRAMES_BETWEEN_TRIMS
         self.closing = False
         self.interrupted = 0
         self.notice = ""
         self._notice_until = 0.0
         self._frames_due = _FRAMES_AFTER_EVENT
         self._last_event = time.perf_counter()
-        self._failures = 0
+        self._failures, self._trim_at = 0, _FRAMES_BETWEEN_TRIMS
         # Where nobody watches, pictures are for keeping.
         self._may_coarsen = self.window.software and not hidden
         self._coarseness = 1
