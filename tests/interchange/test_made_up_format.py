@@ -57,7 +57,7 @@ def test_the_dialog_offers_it_and_writes_it(robot: Robot, tmp_path: Path) -> Non
         app.session.set_start(pose)
     robot.frames(2)
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     robot.click_widget("export:xyz")
     assert "export:size" not in app.widget_rects, "no options of pictures"
     robot.click_widget("export:accept")
@@ -69,7 +69,7 @@ def test_the_dialog_offers_it_and_writes_it(robot: Robot, tmp_path: Path) -> Non
 def test_the_dialog_has_the_options_of_a_film_for_it(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     app.actions["export-other"].run()
-    robot.frames(2)
+    robot.frames(6)
     robot.click_widget("export:flip")
     robot.frames(2)
     assert {"export:size", "export:seconds", "export:rate"} <= set(app.widget_rects)
