@@ -38,7 +38,7 @@ _FARTHEST = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Where the samples of a file are in a sequence of frames.
+    """Positions of the samples of a file in a sequence of frames.
 
     Attributes:
         rate: Frames per second.
@@ -364,7 +364,7 @@ def _too_empty(length: int, count: int) -> bool:
 
 
 def _far_from(wanted: Array, at: Array) -> NDArray[np.bool_]:
-    """Whether the samples around each frame are more than two and a half frames apart, or on one side only."""
+    """Return True for frames with samples more than two and a half frames apart around them, or on one side only."""
     after = np.searchsorted(at, wanted)
     before = np.clip(after - 1, 0, len(at) - 1)
     after = np.clip(after, 0, len(at) - 1)

@@ -54,17 +54,17 @@ class ColumnTimes:
 
 
 def is_time(heading: str) -> bool:
-    """Whether a column with this ``heading`` has times."""
+    """Return True if a column with this ``heading`` has times."""
     return _time_heading(heading) is not None
 
 
 def is_frame_number(heading: str) -> bool:
-    """Whether a column with this ``heading`` has the numbers of frames."""
+    """Return True if a column with this ``heading`` has the numbers of frames."""
     return _FRAME.fullmatch(_letters(heading)) is not None
 
 
 def is_timecode(cell: str) -> bool:
-    """Whether ``cell`` is a timecode, such as 13:13:04:31.652."""
+    """Return True if ``cell`` is a timecode, such as 13:13:04:31.652."""
     return _TIMECODE.fullmatch(cell.strip()) is not None
 
 
@@ -194,7 +194,7 @@ def _of_timecodes(cells: Sequence[str]) -> ColumnTimes:
 
 
 def _base(seconds: Array, frames: Array) -> tuple[int, bool]:
-    """Return how many frames timecodes count per second, and whether they tell; ``seconds`` are whole."""
+    """Return the frames per second that timecodes count, and True if it is certain; ``seconds`` are whole."""
     most = float(np.floor(frames).max(initial=0.0))
     above = [base for base in _BASES if base > most]
     least = above[0] if above else int(most) + 1
@@ -227,7 +227,7 @@ def _last_counts(seconds: Array, frames: Array) -> Array:
 
 
 def _drops(seconds: Array, frames: Array, base: int, marked: bool) -> bool:
-    """Whether timecodes are drop-frame: by their numbers where a minute begins, else as their spelling marks it."""
+    """Return True for drop-frame timecodes: by their numbers where a minute begins, else as their spelling marks it."""
     minutes = np.floor(seconds / 60.0)
     begins = (np.diff(minutes) == 1.0) & (minutes[1:] % 10.0 != 0.0) & (np.diff(seconds) == 1.0)
     if not begins.any():

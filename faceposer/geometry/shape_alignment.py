@@ -158,7 +158,7 @@ def _robust_fit(vertices: Array, neutral: Array, size: float) -> Array:
 
 
 def _description(vertices: Array, laid: Array, neutral: Array, mirrored: bool, size: float) -> str:
-    """Return what the transform from ``laid`` to ``vertices`` does."""
+    """Describe the transform from ``laid`` to ``vertices``."""
     source = laid * _MIRROR if mirrored else laid
     found = rigid_alignment(source, vertices, scale=True)
     # The reflection of a face along x leaves it turned about the same axis, which is no turn of its own.

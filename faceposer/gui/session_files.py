@@ -353,7 +353,7 @@ class SessionFiles:
 
 
 def _remedy(path: Path) -> str:
-    """Return what to do with a file that is no session but may hold weights, or ""."""
+    """Return the remedy for a file that is not a session but may hold weights, or ""."""
     with suppress(OSError):
         if path.suffix.lower() == ".json":
             with open_file(path) as stream:

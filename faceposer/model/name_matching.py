@@ -38,7 +38,7 @@ _SIDES = ("l", "r", "left", "right")
 
 @dataclass(frozen=True)
 class Affix:
-    """What surrounds the name of a shape.
+    """The text around the name of a shape.
 
     Attributes:
         prefix: Text before it; "#" stands for a number if ``numbered``.
@@ -254,7 +254,7 @@ def _decide(chosen: dict[str, str]) -> tuple[dict[str, tuple[str, ...]], list[st
 
 
 def _style(name: str) -> tuple[str, ...]:
-    """Return what spellings of one exporter have in common: the scope, the case, the separators and the sides."""
+    """Return the features that spellings of one exporter share: the scope, the case, the separators and the sides."""
     scope, plain = scope_of(name)
     side = re.search(r"([\W_]*)(left|right|[lr])$", plain, re.IGNORECASE) or re.match(
         r"([lr]|left|right)(?=[A-Z_])", plain

@@ -50,7 +50,7 @@ _KIND_TIPS = (
     "The motion of markers on a performer's face (.c3d, .csv), and a map of their places on a scan",
 )
 _KIND_DESCRIPTIONS = (
-    "A face with ARKit shapes: .glb, .gltf, .vrm, or a folder with one mesh per shape. It is imported unchanged.",
+    "A face with ARKit shapes: .glb, .gltf, .vrm, or a folder with one mesh per shape. Mesh and names are kept.",
     "Meshes of one face in different expressions: a folder or an .npz file. The modes of the character are learned "
     "from their differences.",
     "Motion of markers on a face: .c3d or .csv. The markers deform a scan, from which the character is learned.",

@@ -1,7 +1,6 @@
 """The pose library in the window, and the commands that apply, mirror and save poses."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -17,13 +16,11 @@ from faceposer.gui.feature import Feature
 from faceposer.gui.features.poses.name_dialog import NameDialog
 from faceposer.gui.features.poses.panel import Category, PosesPanel
 from faceposer.gui.features.poses.portraits import FILE_SIZE, Portraits
+from faceposer.gui.features.poses.state import AppliedPose, PoseMask
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.poses.applying import (
     REGIONS,
-    Blend,
-    Region,
-    Side,
     applied,
     flipped,
     flipped_pose,
@@ -34,52 +31,8 @@ from faceposer.poses.applying import (
 from faceposer.poses.library import Entry, PoseLibrary, default_pose_folder, starter_poses
 from faceposer.poses.pose_file import Pose, checked_name
 from faceposer.render.images import write_png
-from faceposer.session.session import Session
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class AppliedPose:
-    """The pose that was applied last and can still be adjusted.
-
-    Attributes:
-        session: Session that it was applied to.
-        pose: The applied pose.
-        before: Starting pose of the session before, shape (r,).
-        after: Starting pose of the session after, shape (r,). If the session starts from another pose, it has been
-            edited since.
-        mask: Part of the face that the pose affects, and how.
-        strength: Strength of the pose; 1 applies it fully.
-    """
-
-    session: Session
-    pose: Pose
-    before: Array
-    after: Array
-    mask: "PoseMask"
-    strength: float
-
-
-@dataclass(frozen=True)
-class PoseMask:
-    """Part of the face that a pose affects, and how.
-
-    Attributes:
-        regions: Affected regions.
-        side: Affected side.
-        blend: "replace" to replace the pose of the face, "add" to add to it.
-    """
-
-    regions: frozenset[Region] = frozenset(REGIONS)
-    side: Side = "both"
-    blend: Blend = "replace"
-
-    @property
-    def description(self) -> str:
-        """The affected part in words, or "" for the whole face."""
-        regions = [region for region in REGIONS if region in self.regions]
-        return ", ".join((*regions * (len(regions) < len(REGIONS)), *[self.side] * (self.side != "both")))
 
 
 class PosesFeature(Feature):
