@@ -23,7 +23,7 @@ from faceposer.render.images import drawn_pixels
 _SOLVE_PATIENCE = 0.005
 # Frames in a row that may fail before the program ends.
 _MAX_FAILURES = 10
-_FRAMES_BETWEEN_TRIMS = 1000
+_FRAMES_BETWEEN_TRIMS = 250
 
 
 class App(Editor):

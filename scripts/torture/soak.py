@@ -140,7 +140,7 @@ class Soak:
     def _expect(self, holds: bool, text: str) -> None:
         if not holds:
             self.problems.append(text)
-            print(text, file=sys.stderr, flush=True)
+            print(text, file=sys.__stderr__, flush=True)
 
     def _check_event(self, block: int, event: int) -> None:
         app = self.app
@@ -245,7 +245,8 @@ def main(arguments: list[str] | None = None) -> int:
         figures.append(line)
         if options.out is not None:
             write_text(log, "\n".join(figures) + "\n", "figures")
-            write_document(session, soaked.app.session.document)
+            current = soaked.app.session
+            write_document(session, current.document.with_version_data(current.model))
 
     try:
         rows = soak(soaked, options.events, options.every, tell, first)

@@ -33,7 +33,7 @@ def test_the_short_form_passes_and_goes_on_where_it_was_stopped(tmp_path: Path) 
 
 
 @pytest.mark.gl
-def test_what_fails_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_fails_is_told(capfd: pytest.CaptureFixture[str]) -> None:
     soaked = Soak("low", 0, 50)
     try:
         soaked.app.session.accept_pose()
@@ -52,7 +52,7 @@ def test_what_fails_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "a made-up failure" in told
     assert "the pose is not finite" in told
     assert "a made-up line" in told
-    assert "a made-up failure" in capsys.readouterr().err
+    assert "a made-up failure" in capfd.readouterr().err
 
 
 def test_growth_is_measured_from_the_first_blocks_on() -> None:
