@@ -31,7 +31,7 @@ class SizedCache(Generic[*A, R]):
         """
         self._function, self._size = function, size
         self._max_bytes, self._max_results = max_bytes, max_results
-        self._results: OrderedDict[Hashable, tuple[R, int]] = OrderedDict()
+        self._results: OrderedDict[Hashable, tuple[Hashable, R, int]] = OrderedDict()
         self._lock = threading.Lock()
         self.bytes = 0
 
@@ -40,17 +40,18 @@ class SizedCache(Generic[*A, R]):
         with self._lock:
             cached = self._results.get(args)
             if cached is not None:
-                self._results.move_to_end(args)
-                return cached[0]
+                # The stored key is found by its identity, without comparing large arguments once more.
+                self._results.move_to_end(cached[0])
+                return cached[1]
         result = self._function(*args)
         size = self._size(result, *args)
         if size <= self._max_bytes:
             with self._lock:
                 if args not in self._results:
-                    self._results[args] = (result, size)
+                    self._results[args] = (args, result, size)
                     self.bytes += size
                 while self.bytes > self._max_bytes or len(self._results) > self._max_results:
-                    self.bytes -= self._results.popitem(last=False)[1][1]
+                    self.bytes -= self._results.popitem(last=False)[1][2]
         return result
 
     def __len__(self) -> int:

@@ -1,5 +1,6 @@
 """Minimisation of the energy of a pose by Gauss-Newton, with L-BFGS as the fallback (Lau et al. 2009, section 6)."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -119,7 +120,9 @@ def solve(
         solution = _solve(problem, x0, on_iterate, should_stop)
     pose = solution.coefficients
     # Comparisons with NaN are False.
-    if not (np.abs(pose) <= _LARGEST).all() or not np.isfinite([solution.energy, *solution.residuals_px]).all():
+    if not np.abs(pose).max(initial=0.0) <= _LARGEST or not all(
+        map(math.isfinite, (solution.energy, *solution.residuals_px))
+    ):
         raise SolveError
     return solution
 
