@@ -156,7 +156,10 @@ def _welded(polygons: Ints, owners: Ints, groups: list[Group], vertices: Array, 
         has = polygons[:, column] >= 0
         group[polygons[has, column]] = _same_names(groups)[_group_of_polygons(owners, groups)][has]
     size = max(float(np.ptp(vertices, axis=0).max()), np.finfo(float).tiny)
-    moved = np.rint(motion / (1e-5 * max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny)))
+    # In double precision, in which the smallest unit is not zero.
+    moved = np.rint(
+        motion.astype(np.float64) / (1e-5 * max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny))
+    )
     keys = np.hstack([group[:, None], np.rint(vertices / (1e-7 * size)), moved])
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     return first[inverse.ravel()]

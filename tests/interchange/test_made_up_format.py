@@ -50,6 +50,7 @@ def test_it_is_unknown_before_and_after(low: FaceModel, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.xyz"]
 
 
+@pytest.mark.gl
 def test_the_dialog_offers_it_and_writes_it(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     pose = app.session.model.coefficients_of({"jawOpen": 0.8})
@@ -66,6 +67,7 @@ def test_the_dialog_offers_it_and_writes_it(robot: Robot, tmp_path: Path) -> Non
     np.testing.assert_allclose(np.loadtxt(tmp_path / "face.xyz"), app.session.model.surface(pose), atol=1e-5)
 
 
+@pytest.mark.gl
 def test_the_dialog_has_the_options_of_a_film_for_it(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     app.actions["export-other"].run()

@@ -34,6 +34,8 @@ def picture(colour: tuple[int, int, int], form: str = "PNG") -> bytes:
 
 def by_material(path: Path) -> dict[str, trimesh.Trimesh]:
     """Return the pieces that trimesh reads from ``path``, by the name of their material."""
+    if int(trimesh.__version__.split(".")[0]) < 5:
+        pytest.skip("this version of trimesh may not keep the names of materials")
     read = trimesh.load(path, process=False)
     pieces = read.geometry.values() if isinstance(read, trimesh.Scene) else [read]
     return {piece.visual.material.name: piece for piece in pieces}
