@@ -26,6 +26,7 @@ _MATERIALS = (
     ("skin", ("brow", "eyelid", "lid_", "eyeliner", "caruncle")),
     ("eye", ("eye", "iris", "cornea", "sclera", "pupil")),
 )
+_SMALLEST_MOTION = 1e-200
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +157,9 @@ def _welded(polygons: Ints, owners: Ints, groups: list[Group], vertices: Array, 
         has = polygons[:, column] >= 0
         group[polygons[has, column]] = _same_names(groups)[_group_of_polygons(owners, groups)][has]
     size = max(float(np.ptp(vertices, axis=0).max()), np.finfo(float).tiny)
-    # In double precision, in which the smallest unit is not zero.
-    moved = np.rint(
-        motion.astype(np.float64) / (1e-5 * max(float(np.abs(motion).max(initial=0.0)), np.finfo(float).tiny))
-    )
+    # The smallest unit is far from the smallest number, so that nothing overflows.
+    largest = max(float(np.abs(motion).max(initial=0.0)), _SMALLEST_MOTION)
+    moved = np.rint(motion.astype(np.float64) / (1e-5 * largest))
     keys = np.hstack([group[:, None], np.rint(vertices / (1e-7 * size)), moved])
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     return first[inverse.ravel()]
