@@ -4,16 +4,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from faceposer.model.errors import InconsistentError
+
 if TYPE_CHECKING:
     from faceposer.model.character import Character
 
 MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes", "film")
 #: Materials drawn over others, which picking ignores.
 SEE_THROUGH = ("lashes", "film")
-
-
-class InconsistentError(ValueError):
-    """Raised for data that no character can have; the message names the first inconsistency and is fit for users."""
 
 
 def check_character(character: "Character") -> None:

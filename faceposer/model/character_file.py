@@ -24,7 +24,7 @@ from faceposer.files.atomic import atomic_file
 from faceposer.files.json_documents import parse_json
 from faceposer.files.reading import open_file
 from faceposer.model.character import Character, Floats, Ints, Part
-from faceposer.model.character_checks import InconsistentError
+from faceposer.model.errors import InconsistentError
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.origin import Origin
 from faceposer.resources import asset_path

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
 from faceposer.files.reading import open_file
-from faceposer.model.character_checks import InconsistentError
 from faceposer.model.coupling import independent
+from faceposer.model.errors import InconsistentError
 from faceposer.resources import asset_path
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.polygon_mesh import Group
-from faceposer.model.character_checks import InconsistentError
+from faceposer.model.errors import InconsistentError
 
 
 @dataclass(frozen=True, eq=False)
