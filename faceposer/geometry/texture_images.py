@@ -15,6 +15,12 @@ _MAX_PIXELS = 16384 * 8192
 #: Formats that Pillow does not read, by their first bytes.
 _FOREIGN = ((b"\xabKTX 20", "KTX2"), (b"\xabKTX 11", "KTX"), (b"sB", "Basis"), (b"\x76\x2f\x31\x01", "OpenEXR"))
 
+#: Raised by Pillow's decoders for damaged files, besides OSError.
+DECODER_ERRORS = (
+    *(SyntaxError, ValueError, RuntimeError, EOFError),
+    *(LookupError, TypeError, MemoryError, struct.error),
+)
+
 
 class UnusableImageError(Exception):
     """Raised for an image that cannot be a texture; the message is the reason, a clause."""
@@ -51,18 +57,7 @@ def texture_image(data: bytes) -> bytes:
         raise UnusableImageError("it is not an image in a supported format") from error
     except Image.DecompressionBombError as error:
         raise UnusableImageError("it has too many pixels") from error
-    except (
-        OSError,
-        SyntaxError,
-        ValueError,
-        RuntimeError,
-        EOFError,
-        LookupError,
-        TypeError,
-        MemoryError,
-        struct.error,
-    ) as error:
-        # Raised by Pillow's decoders for damaged files.
+    except (OSError, *DECODER_ERRORS) as error:
         raise UnusableImageError("it is damaged") from error
 
 

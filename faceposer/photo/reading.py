@@ -1,7 +1,6 @@
 """Reading of photos in bounded memory, with the orientation and the focal length from their EXIF data."""
 
 import math
-import struct
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.reading import open_file
+from faceposer.geometry.texture_images import DECODER_ERRORS
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -188,15 +188,5 @@ def _opened(path: Path) -> Iterator[Any]:
         if error.strerror is None:
             raise FacePoserError(f"The photo '{path}' is damaged and cannot be read; copy it again.") from error
         raise FacePoserError(f"The photo '{path}' cannot be read: {error.strerror}.") from error
-    except (
-        SyntaxError,
-        ValueError,
-        RuntimeError,
-        EOFError,
-        LookupError,
-        TypeError,
-        MemoryError,
-        struct.error,
-    ) as error:
-        # Raised by Pillow's decoders for damaged files.
+    except DECODER_ERRORS as error:
         raise FacePoserError(f"The photo '{path}' is damaged and cannot be read.") from error
