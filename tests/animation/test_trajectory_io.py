@@ -157,7 +157,7 @@ def test_markers_of_a_performer_are_laid_on_the_face_with_its_head_at_rest(
 
 
 def test_c3d(character: Character, tmp_path: Path) -> None:
-    c3d = pytest.importorskip("c3d")
+    c3d = pytest.importorskip("c3d", reason="the package c3d is not installed")
     positions, moved = captured(character)
     writer = c3d.Writer(point_rate=120.0, analog_rate=0.0)
     frames = [(np.pad(frame, ((0, 0), (0, 2))).astype(np.float32), np.zeros((0, 0))) for frame in positions]

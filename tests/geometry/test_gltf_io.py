@@ -109,7 +109,7 @@ def test_one_mesh_comes_back_as_it_was(tmp_path: Path) -> None:
 
 
 def test_files_of_another_writer_in_all_three_forms(tmp_path: Path) -> None:
-    pygltflib = pytest.importorskip("pygltflib")
+    pygltflib = pytest.importorskip("pygltflib", reason="the package pygltflib is not installed")
     built = face()
     built.bytes()
     gltf = pygltflib.GLTF2.gltf_from_json(json.dumps(built.json))

@@ -17,7 +17,7 @@ NAMES = ("LipLeft", "LipRight", "Brow")
 
 def write_c3d(path: Path, positions: np.ndarray, labels: tuple[str, ...], rate: float = 120.0) -> Path:
     """Write with the library; a marker that is NaN is marked as not seen, as C3D does: by a residual of -1."""
-    c3d = pytest.importorskip("c3d")
+    c3d = pytest.importorskip("c3d", reason="the package c3d is not installed")
     writer = c3d.Writer(point_rate=rate, analog_rate=0.0)
     frames = []
     for frame in positions:

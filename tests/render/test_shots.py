@@ -191,7 +191,7 @@ def test_a_package_without_its_program_is_none(no_ffmpeg: Path, monkeypatch: pyt
 def test_the_package_writes_a_film(
     low: FaceModel, yawn: Performance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("imageio_ffmpeg")
+    pytest.importorskip("imageio_ffmpeg", reason="the extra 'films' is not installed")
     monkeypatch.setenv("PATH", str(tmp_path))
     write(tmp_path / "a.mp4", low, yawn, OutputOptions((64, 48)))
     reading = ["-i", str(tmp_path / "a.mp4"), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
