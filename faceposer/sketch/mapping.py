@@ -19,8 +19,8 @@ from faceposer.sketch.ppca import PPCAMixture
 
 Array = NDArray[np.float64]
 
-# Directions in which samples vary by less than this share of the largest spread are left out.
-_RANK = 1e-8
+# Directions in which the standard deviation is less than this share of the largest are left out.
+_RANK = 1e-5
 
 
 @dataclass(frozen=True, eq=False)

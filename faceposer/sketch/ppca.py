@@ -113,7 +113,7 @@ class PPCAMixture:
         """Return ln p(t) of each sample of ``data``, shape (n, d), shape (n,) (equation (2))."""
         return np.asarray(np.logaddexp.reduce(self.log_joint(data), axis=1))
 
-    def completed(self, observed: Ids, values: Array) -> Array:
+    def completed(self, observed: Ids, values: Array, keep: bool = True) -> Array:
         """Return samples whose missing values are the expected ones given the observed ones (equations (6) and (7)).
 
         Each component gives t_m = mu_m + C_mo C_oo^-1 (t_o - mu_o); the completion with the greatest
@@ -122,9 +122,12 @@ class PPCAMixture:
         Args:
             observed: Indices of the observed dimensions, shape (o,).
             values: Their values in each sample, shape (n, o).
+            keep: True to keep the observed values, as in the paper; False for their expectations W x + mu as well,
+                which by (1) are the values without noise.
         """
         d = self.means.shape[1]
         candidates = np.empty((self.n_components, len(values), d))
+        kept = np.empty_like(candidates)
         chances = np.empty((len(values), self.n_components))
         for k, (factors, variance) in enumerate(zip(self.factors, self.variances, strict=True)):
             seen = factors[observed]
@@ -132,9 +135,11 @@ class PPCAMixture:
                 variance * np.eye(factors.shape[1]) + seen.T @ seen, seen.T @ (values - self.means[k, observed]).T
             )
             candidates[k] = self.means[k] + latent.T @ factors.T
-            candidates[k][:, observed] = values
-            chances[:, k] = self.log_joint(candidates[k])[:, k]
-        return np.asarray(candidates[chances.argmax(axis=1), np.arange(len(values))])
+            kept[k] = candidates[k]
+            kept[k][:, observed] = values
+            chances[:, k] = self.log_joint(kept[k])[:, k]
+        best = chances.argmax(axis=1), np.arange(len(values))
+        return np.asarray((kept if keep else candidates)[best])
 
 
 class _Fitting:

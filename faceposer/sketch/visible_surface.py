@@ -1,7 +1,7 @@
 """The approximate place of the face under a pixel, from samples of the skin around the feature points.
 
-Picking tests all triangles, which takes tens of milliseconds for a stroke. Samples about a hundredth of the head's height
-apart suffice where depth is uncertain by more than that.
+Picking tests all triangles, which takes tens of milliseconds for a stroke. Samples about a hundredth of the head's
+height apart suffice where depth is uncertain by more than that.
 """
 
 import numpy as np
