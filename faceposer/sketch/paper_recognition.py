@@ -95,7 +95,9 @@ class PaperRecogniser:
             return Recognition((), False)
         pixels = resampled(stroke.pixels, _SAMPLES)
         rays = Rays.through(stroke.camera, pixels)
-        joint = self.mixture.log_joint(rays, self._surface.under(stroke.camera, pixels, pose), self._depth_error)
+        surface = self._surface.under(stroke.camera, pixels, pose)
+        across, along = self.mixture.log_parts(rays, surface, self._depth_error)
+        joint = np.log(self.mixture.weights) + across + along
         emission = joint - np.logaddexp.reduce(joint, axis=1)[:, None]
         start = self._start(emission[0])
         paths = []
@@ -110,7 +112,7 @@ class PaperRecogniser:
         shares = np.exp((scores - scores.max()) * (_INDEPENDENT / _SAMPLES))
         shares /= shares.sum()
         best = int(scores.argmax())
-        ratio = self._ratio(*paths[best][:2], stroke, pixels, rays, emission)
+        ratio = self._ratio(*paths[best][:2], stroke, pixels, rays, emission, across)
         chance = (
             1.0 if feature is not None else float(1.0 / (1.0 + np.exp(-np.clip(_INDEPENDENT * ratio, -50.0, 50.0))))
         )
@@ -151,7 +153,7 @@ class PaperRecogniser:
         return tuple(matches)
 
     def _ratio(
-        self, chain: _Chain, path: Ids, stroke: DrawnStroke, pixels: Array, rays: Rays, emission: Array
+        self, chain: _Chain, path: Ids, stroke: DrawnStroke, pixels: Array, rays: Rays, emission: Array, across: Array
     ) -> float:
         """Return the mean log ratio of the stroke's likelihood as this feature to that of one anywhere on the face.
 
@@ -160,10 +162,8 @@ class PaperRecogniser:
         of_states = _on_all(emission, chain.states)
         visited = [s for s in range(len(chain.names)) if (path == s).any()]
         at = np.array([np.flatnonzero(path == s)[of_states[path == s, s].argmax()] for s in visited])
-        nothing = np.full((len(pixels), 3), np.nan)
-        joint = self.mixture.log_joint(rays, nothing, self._depth_error) - np.log(self.mixture.weights)
         # The most likely point of each, whichever the responsibilities choose.
-        matched = np.array([joint[path == s, chain.states[s, 0]].max() for s in visited])
+        matched = np.array([across[path == s, chain.states[s, 0]].max() for s in visited])
         places = self.mixture.placed(rays, chain.states[path, 0])
         scale = stroke.camera.focal / float(stroke.camera.to_camera(places)[:, 2].mean())
         order = np.argsort(at)

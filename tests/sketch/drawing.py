@@ -1,13 +1,13 @@
 """Strokes along features of a face, for tests."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.model.face_model import FaceModel
+from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.recognition import DrawnStroke
 
@@ -54,3 +54,43 @@ def matched(model: FaceModel, p: np.ndarray, feature: str, camera: Camera) -> Ma
     names = FEATURES[feature].points
     pixels = camera.project(knots(model, p, names)).tolist()
     return Matched(camera, tuple((name, (u, v)) for name, (u, v) in zip(names, pixels, strict=True)))
+
+
+def moved_world(model: FaceModel, linear: np.ndarray, names: dict[str, str]) -> FaceModel:
+    """Return the model of the character moved by ``linear``, shape (3, 3), with renamed feature points."""
+    character = model.character
+    turned = linear.astype(np.float32)
+    flipped = bool(np.linalg.det(linear) < 0)
+    polygons = character.polygons.copy()
+    if flipped:
+        # Counter-clockwise polygons are clockwise in a mirror.
+        last = np.where(polygons[:, 3] >= 0, 3, 2)
+        for row, k in zip(polygons, last, strict=True):
+            row[1], row[k] = row[k], row[1]
+    points = {names.get(name, name): vertex for name, vertex in character.feature_points.items()}
+    moved = replace(
+        character,
+        vertices=character.vertices @ turned.T,
+        shapes=character.shapes @ turned.T,
+        polygons=polygons,
+        feature_points={name: points[name] for name in character.feature_points},
+    )
+    return build_face_model(moved)
+
+
+def mirrored_names() -> dict[str, str]:
+    """Return the name of the feature point on the other side for each drawable one."""
+    names: dict[str, str] = {}
+    for feature in FEATURES.values():
+        if feature.mirror != feature.name:
+            names.update(zip(feature.chains[0], FEATURES[feature.mirror].chains[0], strict=True))
+        elif not feature.closed:
+            for chain in feature.chains:
+                names.update(zip(chain, chain[::-1], strict=True))
+    return names
+
+
+def mirrored_camera(camera: Camera) -> Camera:
+    """Return the camera on the other side of x = 0, in which u becomes width - u."""
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    return Camera(mirror @ camera.rotation @ mirror, mirror @ camera.translation, camera.focal, camera.size)

@@ -1,18 +1,15 @@
 """The paper's recognition of strokes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from faceposer.geometry.alignment import Similarity
-from faceposer.geometry.camera import Camera
-from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.paper_recognition import FAR, PaperRecogniser, path_lengths, resampled
 from faceposer.sketch.recognition import DrawnStroke
 from faceposer.sketch.training_poses import TrainingPoses
-from tests.sketch.drawing import camera_of, stroke_along, tilted
+from tests.sketch.drawing import camera_of, mirrored_camera, mirrored_names, moved_world, stroke_along, tilted
 
 _DISTINCT = (
     *("left brow", "right brow", "left cheek line", "right cheek line"),
@@ -89,32 +86,10 @@ def test_probabilities(low: FaceModel, recogniser: PaperRecogniser) -> None:
     assert all(0.0 <= match.probability <= 1.0 for c in found.candidates for match in c.points)
 
 
-def _world(model: FaceModel, linear: np.ndarray, names: dict[str, str]) -> FaceModel:
-    """Return the model of the character moved by ``linear``, shape (3, 3), with renamed feature points."""
-    character = model.character
-    turned = linear.astype(np.float32)
-    flipped = bool(np.linalg.det(linear) < 0)
-    polygons = character.polygons.copy()
-    if flipped:
-        # Counter-clockwise polygons are clockwise in a mirror.
-        last = np.where(polygons[:, 3] >= 0, 3, 2)
-        for row, k in zip(polygons, last, strict=True):
-            row[1], row[k] = row[k], row[1]
-    points = {names.get(name, name): vertex for name, vertex in character.feature_points.items()}
-    moved = replace(
-        character,
-        vertices=character.vertices @ turned.T,
-        shapes=character.shapes @ turned.T,
-        polygons=polygons,
-        feature_points={name: points[name] for name in character.feature_points},
-    )
-    return build_face_model(moved)
-
-
 def test_a_turned_character_is_recognised_alike(low: FaceModel, recogniser: PaperRecogniser) -> None:
     angle = 0.7
     turn = np.array([[np.cos(angle), 0.0, np.sin(angle)], [0.0, 1.0, 0.0], [-np.sin(angle), 0.0, np.cos(angle)]])
-    turned = _world(low, turn, {})
+    turned = moved_world(low, turn, {})
     other = PaperRecogniser(turned, TrainingPoses.of(turned))
     camera = camera_of(low, "three-quarter")
     followed = camera.following(Similarity(turn, np.zeros(3), np.array(1.0)))
@@ -131,15 +106,9 @@ def test_a_turned_character_is_recognised_alike(low: FaceModel, recogniser: Pape
 def test_mirrored_input_gives_mirrored_output(
     low: FaceModel, recogniser: PaperRecogniser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = {}
-    for feature in FEATURES.values():
-        if feature.mirror != feature.name:
-            names.update(zip(feature.chains[0], FEATURES[feature.mirror].chains[0], strict=True))
-        elif not feature.closed:
-            for chain in feature.chains:
-                names.update(zip(chain, chain[::-1], strict=True))
+    names = mirrored_names()
     mirror = np.diag([-1.0, 1.0, 1.0])
-    world = _world(low, mirror, names)
+    world = moved_world(low, mirror, names)
     other = PaperRecogniser(world, TrainingPoses.of(world))
     # Polygons that turn round are split otherwise, so that the same random choice gives other samples of the surface.
     for name, sign in (
@@ -149,7 +118,7 @@ def test_mirrored_input_gives_mirrored_output(
     ):
         monkeypatch.setattr(other._surface, name, getattr(recogniser._surface, name) * sign)
     camera = camera_of(low, "three-quarter")
-    seen = Camera(mirror @ camera.rotation @ mirror, mirror @ camera.translation, camera.focal, camera.size)
+    seen = mirrored_camera(camera)
     for feature in ("left brow", "right eye outline", "mouth outline", "right cheek line"):
         stroke = stroke_along(low, low.neutral(), feature, camera)
         flipped = DrawnStroke(np.array([camera.size[0], 0.0]) + stroke.pixels * [-1.0, 1.0], seen)

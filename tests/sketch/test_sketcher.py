@@ -9,12 +9,13 @@ import pytest
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch import sketcher as sketching
-from faceposer.sketch.leave_out import observed
+from faceposer.sketch.leave_out import Sizes, observed
+from faceposer.sketch.paper_pose import PaperPose
 from faceposer.sketch.paper_recognition import PaperRecogniser
 from faceposer.sketch.ppca import PPCAMixture
 from faceposer.sketch.sketcher import Sketcher, sketcher_of
 from faceposer.sketch.training_poses import TrainingPoses
-from tests.sketch.drawing import camera_of, knots, matched, stroke_along
+from tests.sketch.drawing import camera_of, knots, matched, mirrored_camera, mirrored_names, moved_world, stroke_along
 
 _EIGHT = (
     *("left brow", "right brow", "outer upper lip", "outer lower lip"),
@@ -153,3 +154,38 @@ def test_modes_of_examples_can_be_sketched(creature: FaceModel) -> None:
     p = TrainingPoses.of(creature, 200, seed=7).coefficients[-1]
     pose = sketcher.paper_pose([matched(creature, p, feature, camera) for feature in _EIGHT], creature.neutral())
     assert _error(creature, pose, p) < 0.9
+
+
+def test_mirrored_input_gives_the_mirrored_face(low: FaceModel) -> None:
+    names, mirror = mirrored_names(), np.diag([-1.0, 1.0, 1.0])
+    world = moved_world(low, mirror, names)
+    sizes = Sizes(2, 12, 2, 40)
+    fitted = [PaperPose.fit(TrainingPoses.of(m, 120), m.character.height, sizes) for m in (low, world)]
+    camera, p = camera_of(low, "three-quarter"), TrainingPoses.of(low, 120).coefficients[-1]
+    strokes = [matched(low, p, feature, camera) for feature in ("left brow", "outer upper lip", "right cheek line")]
+    seen = [(camera, name, pixel) for stroke in strokes for name, pixel in stroke.points]
+    flipped = [(mirrored_camera(camera), names[name], (camera.size[0] - u, v)) for _, name, (u, v) in seen]
+    faces = [
+        model.instance(paper.coefficients(paper.places_of(given)))
+        for model, paper, given in zip((low, world), fitted, (seen, flipped), strict=True)
+    ]
+    assert np.abs(faces[0] * [-1.0, 1.0, 1.0] - faces[1]).max() < 1e-3
+    assert np.abs(faces[0] - low.character.vertices).max() > 0.1
+
+
+@pytest.mark.parametrize("shapes", [("jawOpen",), ("jawOpen", "mouthSmileLeft", "browDownLeft")])
+@pytest.mark.parametrize("count", [5, 36])
+def test_characters_with_few_shapes(shapes: tuple[str, ...], count: int, low: FaceModel) -> None:
+    rows = [low.character.shape_names.index(name) for name in shapes]
+    few = replace(
+        low.character,
+        shape_names=shapes,
+        shapes=low.character.shapes[rows],
+        shape_limits=low.character.shape_limits[rows],
+    )
+    model = build_face_model(few)
+    sketcher = Sketcher(model, count=count)
+    p, camera = model.coefficients_of({"jawOpen": 0.6}), camera_of(model)
+    strokes = [matched(model, p, feature, camera) for feature in ("outer lower lip", "jaw line")]
+    assert _error(model, sketcher.paper_pose(strokes, model.neutral()), p) < 0.4
+    assert sketcher.recognise(stroke_along(model, p, "left brow", camera), p).candidates
