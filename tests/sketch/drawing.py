@@ -17,7 +17,7 @@ class Matched:
     """A stroke with its matched feature points."""
 
     camera: Camera
-    points: tuple[tuple[str, tuple[float, float]], ...]
+    matched: tuple[tuple[str, tuple[float, float]], ...]
 
 
 def camera_of(model: FaceModel, view: str = "front") -> Camera:

@@ -78,25 +78,25 @@ def test_few_points_recover_a_training_pose(low: FaceModel) -> None:
 def test_matched_points_keep_their_place_in_the_picture(low: FaceModel, of_low: Sketcher) -> None:
     p, camera = of_low.training.coefficients[-1], camera_of(low, "three-quarter")
     stroke = matched(low, p, "outer upper lip", camera)
-    places = of_low.paper.places_of([(camera, name, pixel) for name, pixel in stroke.points])
+    places = of_low.paper.places_of([(camera, name, pixel) for name, pixel in stroke.matched])
     pixels = camera.project(np.array(list(places.values())))
-    assert pixels == pytest.approx(np.array([pixel for _, pixel in stroke.points]), abs=1e-6)
+    assert pixels == pytest.approx(np.array([pixel for _, pixel in stroke.matched]), abs=1e-6)
 
 
 def test_two_views_find_the_place(low: FaceModel, of_low: Sketcher) -> None:
     p = of_low.training.coefficients[-1]
     strokes = [matched(low, p, "outer lower lip", camera_of(low, view)) for view in ("front", "left")]
-    places = of_low.paper.places_of([(s.camera, name, pixel) for s in strokes for name, pixel in s.points])
+    places = of_low.paper.places_of([(s.camera, name, pixel) for s in strokes for name, pixel in s.matched])
     true = knots(low, p, tuple(places))
     assert np.abs(np.array(list(places.values())) - true).max() < 0.2
-    one = of_low.paper.places_of([(strokes[0].camera, name, pixel) for name, pixel in strokes[0].points])
+    one = of_low.paper.places_of([(strokes[0].camera, name, pixel) for name, pixel in strokes[0].matched])
     assert np.abs(np.array(list(one.values())) - true).max() > np.abs(np.array(list(places.values())) - true).max()
 
 
 def test_unknown_points_leave_the_start(low: FaceModel, of_low: Sketcher) -> None:
     start = of_low.training.coefficients[5]
     camera = camera_of(low)
-    stroke = replace(matched(low, start, "left brow", camera), points=(("99.1", (3.0, 4.0)),))
+    stroke = replace(matched(low, start, "left brow", camera), matched=(("99.1", (3.0, 4.0)),))
     assert of_low.paper_pose([], start) is start
     assert of_low.paper_pose([stroke], start) is start
 
@@ -163,7 +163,7 @@ def test_mirrored_input_gives_the_mirrored_face(low: FaceModel) -> None:
     fitted = [PaperPose.fit(TrainingPoses.of(m, 120), m.character.height, sizes) for m in (low, world)]
     camera, p = camera_of(low, "three-quarter"), TrainingPoses.of(low, 120).coefficients[-1]
     strokes = [matched(low, p, feature, camera) for feature in ("left brow", "outer upper lip", "right cheek line")]
-    seen = [(camera, name, pixel) for stroke in strokes for name, pixel in stroke.points]
+    seen = [(camera, name, pixel) for stroke in strokes for name, pixel in stroke.matched]
     flipped = [(mirrored_camera(camera), names[name], (camera.size[0] - u, v)) for _, name, (u, v) in seen]
     faces = [
         model.instance(paper.coefficients(paper.places_of(given)))
