@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.sketch.curve_density import PoseDensity, ViewedCurves, hand_unit
+from faceposer.sketch.curve_density import ViewedCurves, hand_unit
 from faceposer.sketch.evidence import Evidence, evidence
 from faceposer.sketch.hand import HandModel
 from faceposer.sketch.intervals import refined
@@ -26,9 +26,8 @@ def placed_points(
     row, direction = found.best(index)
     mean, covariance = found.posterior(index, row, direction)
     density, track = found.curves.density, found.tracks[index]
-    size = density.factor.shape[1]
-    root = np.linalg.cholesky(0.5 * (covariance[:size, :size] + covariance[:size, :size].T) + 1e-9 * np.eye(size))
-    nearer = PoseDensity(density.mean + density.factor @ mean[:size], density.factor @ root)
+    root = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(covariance)))
+    nearer = density.updated(mean, root)
     curves = ViewedCurves(found.curves.rows, nearer, found.curves.camera, [track.feature])
     coarse = found.intervals[index]
     finer = evidence(curves, samples, hand, [refined(float(coarse.begins[row]), float(coarse.ends[row]), track.closed)])
