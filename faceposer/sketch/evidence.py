@@ -1,7 +1,7 @@
 """Evidence of a whole stroke for intervals of feature curves: one Gaussian per interval and direction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,23 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+class Posterior:
+    """Posterior of the pose for one interval of a line: a mixture with the components of the prior.
+
+    Attributes:
+        log_likelihood: Log density of the stroke for each component, shape (n,).
+        means: Posterior mean of z of each component, shape (n, q).
+        covariance: Their common covariance, shape (q, q).
+    """
+
+    log_likelihood: Array
+    means: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Evidence:
-    """Log evidence of a stroke for m intervals of some lines under one density of poses, with all of its errors.
+    """Log evidence of a stroke for m intervals of some lines.
 
     Attributes:
         tracks: The lines.
@@ -31,13 +46,9 @@ class Evidence:
     intervals: tuple[Intervals, ...]
     log_evidence: Array
     curves: ViewedCurves
-    _lower: Array
+    _inverse: Array
     _pulled: Array
-
-    def only(self, indices: Sequence[int]) -> "Evidence":
-        """Return the evidence for the lines ``indices`` alone."""
-        tracks, runs, intervals = (tuple(of[i] for i in indices) for of in (self.tracks, self.runs, self.intervals))
-        return replace(self, tracks=tracks, runs=runs, intervals=intervals)
+    _logs: Array
 
     def log_total(self, index: int, temperature: float) -> float:
         """Return the log evidence of line ``index``, summed over its intervals and directions."""
@@ -56,24 +67,25 @@ class Evidence:
             self.log_evidence[self.runs[index]] + self.intervals[index].log_weights[:, None] - np.log(2.0)
         )
 
-    def posterior(self, index: int, row: int, direction: int) -> tuple[Array, Array]:
-        """Return the posterior mean, (q,), and covariance, (q, q), of the standard normals of the pose."""
+    def posterior(self, index: int, row: int, direction: int) -> Posterior:
+        """Return the posterior of the pose for an interval of line ``index`` and a direction."""
         at = self.runs[index].start + row
-        inverse = np.linalg.inv(self._lower[at])
-        covariance = inverse.T @ inverse
-        directions = self.curves.directions[self.tracks[index].feature]
+        density, directions = self.curves.density, self.curves.directions[self.tracks[index].feature]
         size = directions.shape[1]
-        mean = directions @ (covariance @ self._pulled[at, :, direction])[:size]
-        inside = covariance[:size, :size] - np.eye(size)
-        return mean, np.eye(len(directions)) + directions @ inside @ directions.T
+        inside, shift = self._inverse[at, :size, :size], self._pulled[at, :size, direction]
+        local = density.means @ directions
+        logs = self._logs[at, direction] + local @ shift - 0.5 * (local * (local - local @ inside)).sum(axis=1)
+        means = density.means + (shift + local @ inside - local) @ directions.T
+        return Posterior(logs, means, np.eye(len(directions)) + directions @ (inside - np.eye(size)) @ directions.T)
 
 
 def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]) -> Evidence:
     """Return the evidence of ``stroke`` for the ``intervals`` of each of the lines of ``curves``.
 
-    With the samples y = x + W e + n, where x is the mean of the curve's samples, e are the standard normals of the
-    pose and of errors along the curve, and n is the shift and jitter of the hand with precision V^T V, the density of y
-    follows from S = I + (V W)^T (V W) by the matrix inversion lemma.
+    The samples are y = x + W (z, e) + n, where x is the base's curve, z the pose, e are standard normals of errors
+    along the curve, and n is the shift and jitter of the hand with precision V^T V. With A = V W and S = I + A^T A, the
+    matrix inversion lemma gives the density about z = 0; that about z = m is its product with
+    exp(m^T S^-1 A^T V (y - x) - m^T (I - S^-1) m / 2).
 
     Args:
         curves: The lines.
@@ -100,20 +112,28 @@ def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Se
     transposed = white.transpose(0, 2, 1)
     system = transposed @ white
     system[:, np.arange(size), np.arange(size)] += 1.0
-    lower = np.linalg.cholesky(system)
-    pulled = transposed @ residual
-    forward = _forward(lower, pulled)
-    quadratic = (residual * residual).sum(axis=1) - (forward * forward).sum(axis=1)
-    log_determinant = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-    logs = hand.log_peak - log_determinant[:, None] - 0.5 * quadratic
-    return Evidence(tuple(curves.tracks), tuple(runs), tuple(intervals), logs, curves, lower, pulled)
+    inverse = np.linalg.inv(system)
+    log_determinant = np.linalg.slogdet(system)[1]
+    right = transposed @ residual
+    pulled = inverse @ right
+    quadratic = (residual * residual).sum(axis=1) - (right * pulled).sum(axis=1)
+    logs = hand.log_peak - 0.5 * (log_determinant[:, None] + quadratic)
+    gains = [
+        _log_gain(curves, track.feature, inverse[run], pulled[run])
+        for track, run in zip(curves.tracks, runs, strict=True)
+    ]
+    tracks = tuple(curves.tracks)
+    return Evidence(tracks, tuple(runs), tuple(intervals), logs + np.concatenate(gains), curves, inverse, pulled, logs)
 
 
-def _forward(lower: Array, right: Array) -> Array:
-    """Solve ``lower`` x = ``right`` for stacks of triangular matrices, (m, Q, Q), and sides, (m, Q, k)."""
-    solved = right.copy()
-    for row in range(lower.shape[1]):
-        if row:
-            solved[:, row] -= (lower[:, row, None, :row] @ solved[:, :row])[:, 0]
-        solved[:, row] /= lower[:, row, row, None]
-    return solved
+def _log_gain(curves: ViewedCurves, name: str, inverse: Array, pulled: Array) -> Array:
+    """Return the log density of the mixture relative to that of a component at z = 0, shape (m, 2)."""
+    density = curves.density
+    local = density.means @ curves.directions[name]
+    size = local.shape[1]
+    # e^T (I - P) e for every component e and interval.
+    products = (local[:, :, None] * local[:, None, :]).reshape(len(local), -1)
+    deviations = (np.eye(size) - inverse[:, :size, :size]).reshape(len(inverse), -1) @ products.T
+    logs = local @ pulled[:, :size] - 0.5 * deviations[:, :, None] + density.log_weights[:, None]
+    top = logs.max(axis=1)
+    return np.asarray(top + np.log(np.exp(logs - top[:, None]).sum(axis=1)))
