@@ -11,6 +11,12 @@ from faceposer.sketch.hand import SAMPLES, HandModel
 from faceposer.sketch.intervals import Intervals, sampled
 
 Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# Log evidence behind the likeliest interval at which an interval is not computed exactly.
+_BEHIND = 25.0
+# Added to the information of a stroke about the pose, to invert it.
+_REGULAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,22 +124,42 @@ def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Se
     pulled = inverse @ right
     quadratic = (residual * residual).sum(axis=1) - (right * pulled).sum(axis=1)
     logs = hand.log_peak - 0.5 * (log_determinant[:, None] + quadratic)
-    gains = [
-        _log_gain(curves, track.feature, inverse[run], pulled[run])
-        for track, run in zip(curves.tracks, runs, strict=True)
-    ]
-    tracks = tuple(curves.tracks)
-    return Evidence(tracks, tuple(runs), tuple(intervals), logs + np.concatenate(gains), curves, inverse, pulled, logs)
+    mixed = _mixed(curves, runs, inverse, pulled, logs)
+    return Evidence(tuple(curves.tracks), tuple(runs), tuple(intervals), mixed, curves, inverse, pulled, logs)
 
 
-def _log_gain(curves: ViewedCurves, name: str, inverse: Array, pulled: Array) -> Array:
-    """Return the log density of the mixture relative to that of a component at z = 0, shape (m, 2)."""
+def _mixed(curves: ViewedCurves, runs: Sequence[slice], inverse: Array, pulled: Array, logs: Array) -> Array:
+    """Return the log density of the mixture, (m, 2), from that of a component at z = 0, ``logs``.
+
+    No component, wherever it is, gains more than half of mu^T (I - P)^-1 mu, with P the covariance and mu the mean of
+    its posterior. Where even this leaves an interval far behind the likeliest one, the sum is not computed.
+    """
+    size = next(iter(curves.directions.values())).shape[1]
+    shift = pulled[:, :size]
+    informed = np.eye(size) - inverse[:, :size, :size]
+    free = informed + _REGULAR * np.eye(size)
+    bound = logs + 0.5 * (shift * np.linalg.solve(free, shift)).sum(axis=1)
+    mixed, floor = bound - _BEHIND, -np.inf
     density = curves.density
-    local = density.means @ curves.directions[name]
-    size = local.shape[1]
-    # e^T (I - P) e for every component e and interval.
-    products = (local[:, :, None] * local[:, None, :]).reshape(len(local), -1)
-    deviations = (np.eye(size) - inverse[:, :size, :size]).reshape(len(inverse), -1) @ products.T
-    logs = local @ pulled[:, :size] - 0.5 * deviations[:, :, None] + density.log_weights[:, None]
-    top = logs.max(axis=1)
-    return np.asarray(top + np.log(np.exp(logs - top[:, None]).sum(axis=1)))
+    of_features = []
+    for track, run in zip(curves.tracks, runs, strict=True):
+        local = density.means @ curves.directions[track.feature]
+        products = (local[:, :, None] * local[:, None, :]).reshape(len(local), -1)
+        of_features.append((run, local, products))
+
+    def fill(rows: Ids, sides: Ids, local: Array, products: Array) -> float:
+        gains = shift[rows, :, sides] @ local.T - 0.5 * informed[rows].reshape(len(rows), -1) @ products.T
+        gains += density.log_weights
+        top = gains.max(axis=1)
+        np.exp(gains - top[:, None], out=gains)
+        mixed[rows, sides] = logs[rows, sides] + top + np.log(gains.sum(axis=1))
+        return float(mixed[rows, sides].max())
+
+    for run, *components in of_features:
+        row, side = np.unravel_index(int(np.argmax(bound[run])), bound[run].shape)
+        floor = max(floor, fill(np.array([run.start + row]), np.array([side]), *components))
+    for run, *components in of_features:
+        rows, sides = np.nonzero(bound[run] > floor - _BEHIND)
+        if len(rows):
+            fill(rows + run.start, sides, *components)
+    return mixed
