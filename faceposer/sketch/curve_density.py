@@ -215,6 +215,10 @@ class PoseMixture:
         weights = np.append(self.log_weights + np.log1p(-share), np.log(share))
         return replace(self, means=np.concatenate([self.means, at[None]]), log_weights=weights)
 
+    def rebased(self, at: Array) -> "PoseMixture":
+        """Return the same mixture with its base at z = ``at``, shape (q,)."""
+        return replace(self, base=self.base + self.factor @ at, means=self.means - at)
+
     def updated(self, log_likelihood: Array, means: Array, covariance: Array) -> "PoseMixture":
         """Return the posterior mixture.
 

@@ -85,6 +85,19 @@ class Evidence:
         return Posterior(logs, means, np.eye(len(directions)) + directions @ (inside - np.eye(size)) @ directions.T)
 
 
+def nearer_evidence(found: Evidence, index: int, stroke: Array, hand: HandModel) -> Evidence:
+    """Return the evidence for line ``index`` alone, linearised again at the most probable pose.
+
+    A mouth that opens changes the share of its outline between two points; samples at even lengths are then at other
+    points of the lips.
+    """
+    posterior = found.posterior(index, *found.best(index))
+    density, name = found.curves.density, found.tracks[index].feature
+    at = posterior.means[int(np.argmax(density.log_weights + posterior.log_likelihood))]
+    curves = ViewedCurves(found.curves.rows, density.rebased(at), found.curves.camera, [name])
+    return evidence(curves, stroke, hand, [found.intervals[index]])
+
+
 def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]) -> Evidence:
     """Return the evidence of ``stroke`` for the ``intervals`` of each of the lines of ``curves``.
 

@@ -18,7 +18,7 @@ from faceposer.sketch.curve_density import (
     hand_unit,
     visibility,
 )
-from faceposer.sketch.evidence import Evidence, evidence
+from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
 from faceposer.sketch.hand import SAMPLES, SHORTEST, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
@@ -45,7 +45,8 @@ class Tuning:
         again: Prior of a feature that has been drawn before, relative to one that has not.
         line: Prior of the line of a closed mouth, relative to another feature.
         unseen: Least prior of a feature that faces away.
-        finalists: Number of features whose points are placed.
+        finalists: Number of features that are compared exactly.
+        rounds: Number of times that the curves of these are linearised again.
     """
 
     hand: HandModel = field(default_factory=HandModel)
@@ -58,7 +59,8 @@ class Tuning:
     again: float = 0.35
     line: float = 0.5
     unseen: float = 0.003
-    finalists: int = 3
+    finalists: int = 4
+    rounds: int = 1
 
 
 # Distance of a line's middle from that of a stroke beyond which it is not considered, in units of the hand, and the
@@ -136,6 +138,10 @@ class WholeStrokeRecogniser:
             intervals = [candidate_intervals(self._rows.tracks[name].closed) for name in group]
             of_group = evidence(curves, samples, self.tuning.hand, intervals)
             found += [(of_group, index) for index in range(len(group))]
+        totals = [part.log_total(index, self.tuning.temperature) for part, index in found]
+        for i in np.argsort(totals)[: -1 - self.tuning.finalists : -1]:
+            for _ in range(self.tuning.rounds):
+                found[i] = nearer_evidence(*found[i], samples, self.tuning.hand), 0
         return found
 
     def _samples(self, stroke: DrawnStroke) -> Array | None:
