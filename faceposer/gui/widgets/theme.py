@@ -59,6 +59,7 @@ class Icon:
     DISTANCE = "\uf07d"
     STROKE = "\uf1fc"
     CURVE = "\uf55b"
+    SKETCH = "\uf304"
     FIX = "\uf08d"
     GAZE = "\uf05b"
     SYMMETRY = "\uf07e"
