@@ -1,0 +1,132 @@
+"""Sketching on one character: recognition of strokes by a method chosen by its name, and the paper's pose."""
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, TypeVar
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
+from faceposer.sketch.recognition import DrawnStroke, Recogniser, Recognition
+from faceposer.sketch.training_poses import MANY_POSES, TrainingPoses
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+
+class Sketched(Protocol):
+    """A stroke with its matched feature points, such as a sketch constraint."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera under which the stroke was drawn."""
+        ...
+
+    @property
+    def points(self) -> tuple[tuple[str, tuple[float, float]], ...]:
+        """Names of feature points with their pixels."""
+        ...
+
+
+#: Methods of recognition by name: each is built from the model and its training poses.
+RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {}
+#: The method that is used if none is named.
+DEFAULT_RECOGNITION = "paper"
+
+
+class Sketcher:
+    """Recognition of strokes and the paper's pose on one character.
+
+    Everything is fitted when it is first needed. It may be used by several threads.
+    """
+
+    def __init__(self, model: FaceModel, library: Sequence[Array] = (), count: int = MANY_POSES, seed: int = 0) -> None:
+        """Initialise.
+
+        Args:
+            model: The character's model.
+            library: Coefficients of the poses of a library, each of shape (r,).
+            count: Number of training poses.
+            seed: Seed of the training poses.
+        """
+        self.model = model
+        self._library, self._count, self._seed = tuple(library), count, seed
+        self._parts: dict[str, Any] = {}
+        self._lock = threading.RLock()
+
+    def _part(self, name: str, build: Callable[[], T]) -> T:
+        """Return the part ``name``, built once even if several threads ask for it."""
+        part = self._parts.get(name)
+        if part is None:
+            with self._lock:
+                part = self._parts.get(name)
+                if part is None:
+                    part = self._parts[name] = build()
+        return part
+
+    @property
+    def training(self) -> TrainingPoses:
+        """The training poses."""
+        return self._part("training", lambda: TrainingPoses.of(self.model, self._count, self._library, self._seed))
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Names of the features that can be drawn on this character."""
+        return self.training.features
+
+    def recogniser(self, method: str = DEFAULT_RECOGNITION) -> Recogniser:
+        """Return the recogniser of this name, one of ``RECOGNISERS``, fitted.
+
+        Raises:
+            KeyError: If there is no such method.
+        """
+        build = RECOGNISERS[method]
+        return self._part(f"recogniser {method}", lambda: build(self.model, self.training))
+
+    def recognise(
+        self,
+        stroke: DrawnStroke,
+        pose: Array,
+        others: Sequence[DrawnStroke] = (),
+        feature: str | None = None,
+        method: str = DEFAULT_RECOGNITION,
+    ) -> Recognition:
+        """Return the recognition of ``stroke``; see ``Recogniser.recognise``.
+
+        Args:
+            stroke: The stroke.
+            pose: Present pose of the face, shape (r,).
+            others: Strokes that have been drawn before, with their features.
+            feature: Name of the feature that the stroke is known to depict, or None.
+            method: Name of the method, one of ``RECOGNISERS``.
+        """
+        return self.recogniser(method).recognise(stroke, pose, others, feature)
+
+    def paper_pose(self, sketched: Sequence[Sketched], start: Array) -> Array:
+        """Return the coefficients, shape (r,), of the paper's face for matched strokes.
+
+        Args:
+            sketched: Strokes with their matched feature points, such as all enabled sketch constraints.
+            start: Pose that is returned if no feature point is matched, shape (r,).
+        """
+        raise NotImplementedError
+
+
+_sketchers: "WeakKeyDictionary[FaceModel, dict[tuple[bytes, int, int], Sketcher]]" = WeakKeyDictionary()
+_sketchers_lock = threading.Lock()
+_MOST_LIBRARIES = 2
+
+
+def sketcher_of(model: FaceModel, library: Sequence[Array] = (), count: int = MANY_POSES, seed: int = 0) -> Sketcher:
+    """Return the sketcher of ``model``, the same for the same arguments; see ``Sketcher``."""
+    key = (b"".join(np.asarray(p, dtype=np.float64).tobytes() for p in library), count, seed)
+    with _sketchers_lock:
+        of_model = _sketchers.setdefault(model, {})
+        found = of_model.pop(key, None) or Sketcher(model, library, count, seed)
+        of_model[key] = found
+        while len(of_model) > _MOST_LIBRARIES:
+            of_model.pop(next(iter(of_model)))
+        return found
