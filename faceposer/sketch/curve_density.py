@@ -184,8 +184,7 @@ class PoseDensity:
 
 
 def principal_factor(coefficients: Array, rows: FeatureRows) -> tuple[Array, Array]:
-    """Return mean, (r,), and factor, (r, q), of training ``coefficients``, (n, r), that preserves the features' motion.
-    """
+    """Return mean, (r,), and factor, (r, q), of training ``coefficients``, (n, r), that preserves the features' motion."""
     mean = coefficients.mean(axis=0)
     scaled = (coefficients - mean).T / np.sqrt(max(len(coefficients) - 1, 1))
     flat = rows.jacobian.reshape(-1, rows.jacobian.shape[-1])

@@ -59,9 +59,7 @@ class Evidence:
         return covariance @ self._pulled[at, :, direction], covariance
 
 
-def evidence(
-    curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]
-) -> Evidence:
+def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]) -> Evidence:
     """Return the evidence of ``stroke`` for the ``intervals`` of each of the lines of ``curves``.
 
     With the samples y = x + W e + n, where x is the mean of the curve's samples, e are the standard normals of the

@@ -12,6 +12,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.sketch.recognition import DrawnStroke, Recogniser, Recognition
 from faceposer.sketch.training_poses import MANY_POSES, TrainingPoses
+from faceposer.sketch.whole_stroke import WholeStrokeRecogniser
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -32,9 +33,9 @@ class Sketched(Protocol):
 
 
 #: Methods of recognition by name: each is built from the model and its training poses.
-RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {}
+RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {"ours": WholeStrokeRecogniser.of}
 #: The method that is used if none is named.
-DEFAULT_RECOGNITION = "paper"
+DEFAULT_RECOGNITION = "ours"
 
 
 class Sketcher:

@@ -24,8 +24,9 @@ from faceposer.sketch.hand import SAMPLES, SHORTEST, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
 from faceposer.sketch.placing import placed_points
-from faceposer.sketch.polyline import cleaned, evenly, lengths_along
+from faceposer.sketch.polyline import evenly, lengths_along, stroke_line
 from faceposer.sketch.recognition import Candidate, DrawnStroke, Recognition
+from faceposer.sketch.training_poses import TrainingPoses
 
 Array = NDArray[np.float64]
 
@@ -89,6 +90,11 @@ class WholeStrokeRecogniser:
         self._sequences: OrderedDict[tuple[DrawnStroke, ...], PoseDensity] = OrderedDict()
         self._lock = Lock()
 
+    @classmethod
+    def of(cls, model: FaceModel, training: TrainingPoses) -> "WholeStrokeRecogniser":
+        """Fit the recogniser to ``training`` poses of ``model``."""
+        return cls(model, training.coefficients)
+
     def recognise(
         self, stroke: DrawnStroke, pose: Array, others: Sequence[DrawnStroke] = (), feature: str | None = None
     ) -> Recognition:
@@ -102,24 +108,27 @@ class WholeStrokeRecogniser:
         if feature is None:
             names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
         drawn = {other.feature for other in others if other.feature is not None}
-        found = [
-            evidence(
-                ViewedCurves(self._rows, density, camera, names),
-                samples,
-                self.tuning.hand,
-                [candidate_intervals(self._rows.tracks[name].closed) for name in names],
-            )
-            for density in self._densities(np.asarray(pose, dtype=np.float64), others)
-        ] if names else []
+        found = (
+            [
+                evidence(
+                    ViewedCurves(self._rows, density, camera, names),
+                    samples,
+                    self.tuning.hand,
+                    [candidate_intervals(self._rows.tracks[name].closed) for name in names],
+                )
+                for density in self._densities(np.asarray(pose, dtype=np.float64), others)
+            ]
+            if names
+            else []
+        )
         return self._decided(stroke, samples, found, names, drawn, feature)
 
     def _samples(self, stroke: DrawnStroke) -> Array | None:
         """Return the samples of ``stroke`` in units of the hand about the principal point, (SAMPLES, 2), or None."""
-        unit = hand_unit(self._rows, stroke.camera)
-        points = (cleaned(stroke.pixels) - stroke.camera.principal_point) / unit
-        if len(points) < 2 or lengths_along(points)[-1] < SHORTEST:
+        line = stroke_line(stroke, hand_unit(self._rows, stroke.camera))
+        if len(line) < 2 or lengths_along(line)[-1] < SHORTEST or np.hypot(*np.ptp(line, axis=0)) < SHORTEST:
             return None
-        return evenly(points, SAMPLES)
+        return evenly(line, SAMPLES)
 
     def _within_reach(self, names: list[str], samples: Array, pose: Array, camera: Camera) -> list[str]:
         """Return those of ``names`` whose lines, in the present pose, are near the stroke."""
