@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.sketch.curve_density import PoseDensity, ViewedCurves, hand_unit
+from faceposer.sketch.curve_density import ViewedCurves, hand_unit
 from faceposer.sketch.evidence import Evidence, evidence
 from faceposer.sketch.hand import HandModel
 from faceposer.sketch.intervals import refined
@@ -24,11 +24,9 @@ def placed_points(
     The curve is linearised again at the most probable pose, where intervals are compared on a finer grid.
     """
     row, direction = found.best(index)
-    mean, covariance = found.posterior(index, row, direction)
+    posterior = found.posterior(index, row, direction)
     density, track = found.curves.density, found.tracks[index]
-    size = density.factor.shape[1]
-    root = np.linalg.cholesky(0.5 * (covariance[:size, :size] + covariance[:size, :size].T) + 1e-9 * np.eye(size))
-    nearer = PoseDensity(density.mean + density.factor @ mean[:size], density.factor @ root)
+    nearer = density.updated(posterior.log_likelihood, posterior.means, posterior.covariance)
     curves = ViewedCurves(found.curves.rows, nearer, found.curves.camera, [track.feature])
     coarse = found.intervals[index]
     finer = evidence(curves, samples, hand, [refined(float(coarse.begins[row]), float(coarse.ends[row]), track.closed)])

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from threading import Lock
 
 import numpy as np
@@ -13,10 +13,9 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.curve_density import (
     FeatureRows,
-    PoseDensity,
+    PoseMixture,
     ViewedCurves,
     hand_unit,
-    principal_factor,
     visibility,
 )
 from faceposer.sketch.evidence import Evidence, evidence
@@ -39,8 +38,8 @@ class Tuning:
         hand: Errors of the hand.
         scribbles: Density of strokes that depict nothing.
         scribble: Prior probability of such a stroke.
+        spread: Spread of poses about each training pose, as a share of that of all poses.
         present: Share of poses near the present one.
-        near: Spread of these, as a share of that of all poses.
         temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
         others: The same for the strokes that have been drawn before.
         again: Prior of a feature that has been drawn before, relative to one that has not.
@@ -48,11 +47,11 @@ class Tuning:
         finalists: Number of features whose points are placed.
     """
 
-    hand: HandModel = HandModel()
-    scribbles: ScribbleModel = ScribbleModel()
+    hand: HandModel = field(default_factory=HandModel)
+    scribbles: ScribbleModel = field(default_factory=ScribbleModel)
     scribble: float = 0.2
-    present: float = 0.5
-    near: float = 0.4
+    spread: float = 0.4
+    present: float = 0.4
     temperature: float = 2.0
     others: float = 4.0
     again: float = 0.35
@@ -65,6 +64,8 @@ class Tuning:
 _REACH, _REACH_LENGTH = 110.0, 0.35
 # Number of sequences of earlier strokes whose densities are kept.
 _MOST_SEQUENCES = 32
+# Log evidence behind that of the likeliest feature at which a feature is given up.
+_HOPELESS = 40.0
 # Candidates below this probability are omitted.
 _LEAST = 1e-4
 
@@ -85,9 +86,8 @@ class WholeStrokeRecogniser:
         """
         self.tuning = tuning or Tuning()
         self._rows = FeatureRows.of(model)
-        mean, factor = principal_factor(np.asarray(coefficients, dtype=np.float64), self._rows)
-        self._poses = PoseDensity(mean, factor)
-        self._sequences: OrderedDict[tuple[DrawnStroke, ...], PoseDensity] = OrderedDict()
+        self._poses = PoseMixture.of(np.asarray(coefficients, dtype=np.float64), self._rows, self.tuning.spread)
+        self._sequences: OrderedDict[tuple[DrawnStroke, ...], PoseMixture] = OrderedDict()
         self._lock = Lock()
 
     @classmethod
@@ -108,20 +108,33 @@ class WholeStrokeRecogniser:
         if feature is None:
             names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
         drawn = {other.feature for other in others if other.feature is not None}
-        found = (
-            [
-                evidence(
-                    ViewedCurves(self._rows, density, camera, names),
-                    samples,
-                    self.tuning.hand,
-                    [candidate_intervals(self._rows.tracks[name].closed) for name in names],
-                )
-                for density in self._densities(np.asarray(pose, dtype=np.float64), others)
-            ]
-            if names
-            else []
-        )
-        return self._decided(stroke, samples, found, names, drawn, feature)
+        found = self._found(names, drawn, samples, np.asarray(pose, dtype=np.float64), others, camera)
+        return self._decided(stroke, samples, found, drawn, feature)
+
+    def _found(
+        self,
+        names: Sequence[str],
+        drawn: set[str],
+        samples: Array,
+        pose: Array,
+        others: Sequence[DrawnStroke],
+        camera: Camera,
+    ) -> list[tuple[Evidence, int]]:
+        """Return the evidence for each of ``names``, as the index of a line of an ``Evidence``."""
+        # A feature that is drawn again may take any shape, whatever it was before.
+        again = [name for name in names if name in drawn or drawn & set(FEATURES[name].components)]
+        new = [name for name in names if name not in again]
+        before = self._after(tuple(other for other in others if other.feature in self._rows.tracks))
+        found = []
+        for group, density in ((new, before), (again, self._poses)):
+            if not group:
+                continue
+            mixture = density.with_pose(pose, self._rows, self.tuning.present)
+            curves = ViewedCurves(self._rows, mixture, camera, group)
+            intervals = [candidate_intervals(self._rows.tracks[name].closed) for name in group]
+            of_group = evidence(curves, samples, self.tuning.hand, intervals)
+            found += [(of_group, index) for index in range(len(group))]
+        return found
 
     def _samples(self, stroke: DrawnStroke) -> Array | None:
         """Return the samples of ``stroke`` in units of the hand about the principal point, (SAMPLES, 2), or None."""
@@ -135,26 +148,14 @@ class WholeStrokeRecogniser:
         unit = hand_unit(self._rows, camera)
         places = self._rows.neutral + self._rows.jacobian @ pose
         pixels = (camera.project(places) - camera.principal_point) / unit
+        begins = [track.rows.start for track in self._rows.tracks.values()]
         reach = _REACH + _REACH_LENGTH * float(lengths_along(samples)[-1])
-        near = []
-        for name in names:
-            line = pixels[self._rows.tracks[name].rows]
-            low, high = line.min(axis=0) - reach, line.max(axis=0) + reach
-            middle = samples.mean(axis=0)
-            if (samples.min(axis=0) <= high).all() and (samples.max(axis=0) >= low).all():
-                if (middle >= low).all() and (middle <= high).all():
-                    near.append(name)
-        return near
+        low, high = np.minimum.reduceat(pixels, begins) - reach, np.maximum.reduceat(pixels, begins) + reach
+        middle = samples.mean(axis=0)
+        near = ((middle >= low) & (middle <= high)).all(axis=1)
+        return [name for name, is_near in zip(self._rows.tracks, near, strict=True) if is_near and name in names]
 
-    def _densities(self, pose: Array, others: Sequence[DrawnStroke]) -> list[PoseDensity]:
-        tuning = self.tuning
-        density = self._after(tuple(other for other in others if other.feature in self._rows.tracks))
-        return [
-            replace(density, weight=1.0 - tuning.present),
-            PoseDensity(pose, tuning.near * density.factor, tuning.present),
-        ]
-
-    def _after(self, others: tuple[DrawnStroke, ...]) -> PoseDensity:
+    def _after(self, others: tuple[DrawnStroke, ...]) -> PoseMixture:
         """Return the density of poses given the strokes drawn before."""
         if not others:
             return self._poses
@@ -174,47 +175,41 @@ class WholeStrokeRecogniser:
                 self._sequences.popitem(last=False)
         return after
 
-    def _updated(self, density: PoseDensity, name: str, samples: Array, camera: Camera) -> PoseDensity:
+    def _updated(self, density: PoseMixture, name: str, samples: Array, camera: Camera) -> PoseMixture:
         """Return ``density`` given that ``samples`` depict the feature ``name``."""
         curves = ViewedCurves(self._rows, density, camera, [name])
         found = evidence(curves, samples, self.tuning.hand, [candidate_intervals(curves.tracks[0].closed)])
-        mean, covariance = found.posterior(0, *found.best(0))
-        size = density.factor.shape[1]
-        precision = np.linalg.inv(covariance[:size, :size])
+        posterior = found.posterior(0, *found.best(0))
         # The information of the stroke alone, tempered.
         share = 1.0 / self.tuning.others
-        tempered = np.eye(size) + share * (precision - np.eye(size))
-        inverse = np.linalg.inv(tempered)
-        inverse = 0.5 * (inverse + inverse.T)
-        return density.updated(share * inverse @ (precision @ mean[:size]), np.linalg.cholesky(inverse))
+        identity = np.eye(len(posterior.covariance))
+        precision = np.linalg.inv(posterior.covariance)
+        tempered = np.linalg.inv(identity + share * (precision - identity))
+        information = posterior.means @ precision - density.means
+        means = (density.means + share * information) @ tempered
+        return density.updated(share * posterior.log_likelihood, means, tempered)
 
     def _decided(
         self,
         stroke: DrawnStroke,
         samples: Array,
-        found: Sequence[Evidence],
-        names: Sequence[str],
+        found: Sequence[tuple[Evidence, int]],
         drawn: set[str],
         feature: str | None,
     ) -> Recognition:
         """Return the posterior over features and strokes that depict none."""
         tuning = self.tuning
         seen = visibility(self._rows, stroke.camera)
-        logs, sources = np.zeros(len(names)), []
-        for index, name in enumerate(names):
-            of_parts = np.array(
-                [
-                    np.log(max(part.curves.density.weight, 1e-9))
-                    + part.log_total(index, tuning.temperature)
-                    + log_openness(self._rows, part, index)
-                    for part in found
-                ]
-            )
-            sources.append(int(np.argmax(of_parts)))
-            logs[index] = np.logaddexp.reduce(of_parts / tuning.temperature)
-            logs[index] += np.log(max(seen[name], tuning.unseen))
-            if name in drawn or drawn & set(FEATURES[name].components):
-                logs[index] += np.log(tuning.again)
+        names = [part.tracks[index].feature for part, index in found]
+        totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
+        logs = totals / tuning.temperature
+        for i, (part, index) in enumerate(found):
+            if totals[i] < totals.max() - _HOPELESS:
+                continue
+            logs[i] += log_openness(self._rows, part, index) / tuning.temperature
+            logs[i] += np.log(max(seen[names[i]], tuning.unseen))
+            if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
+                logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
         logs += np.log((1.0 - tuning.scribble) / count)
         # The middle of the face in the coordinates of the samples.
@@ -232,7 +227,7 @@ class WholeStrokeRecogniser:
             Candidate(
                 names[i],
                 float(min(probabilities[i], 1.0)),
-                placed_points(found[sources[i]], int(i), stroke, samples, tuning.hand),
+                placed_points(*found[i], stroke, samples, tuning.hand),
             )
             for i in order[: tuning.finalists]
         )
