@@ -126,7 +126,7 @@ class Sketcher:
             sketched: Strokes with their matched feature points, such as all enabled sketch constraints.
             start: Pose that is returned if no feature point is matched, shape (r,).
         """
-        matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.points]
+        matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.matched]
         known = [match for match in matched if match[1] in self.training.index]
         return self.paper.coefficients(self.paper.places_of(known)) if known else start
 

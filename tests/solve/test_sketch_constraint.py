@@ -123,7 +123,7 @@ def test_a_heavier_sketch_is_followed_more_closely(model: FaceModel, camera: Cam
         heavier = replace(sketch, weight=weight)
         residuals.append(solve(PoseProblem(model, [heavier]), model.neutral()).residuals_px[0])
     assert residuals == sorted(residuals, reverse=True)
-    assert residuals[-1] < 1.0
+    assert residuals[-1] < 1.5
 
 
 def test_a_line_along_the_mouth_closes_both_lips_on_it(model: FaceModel, camera: Camera) -> None:
