@@ -26,7 +26,7 @@ class Sketched(Protocol):
         ...
 
     @property
-    def points(self) -> tuple[tuple[str, tuple[float, float]], ...]:
+    def matched(self) -> tuple[tuple[str, tuple[float, float]], ...]:
         """Names of feature points with their pixels."""
         ...
 

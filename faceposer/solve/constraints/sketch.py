@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from msgspec import Meta
@@ -24,6 +24,10 @@ from faceposer.solve.constraints.sketch_matching import cleaned, correspondence
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
 from faceposer.solve.term import Array, Indices, Term
 
+#: Ways from sketches to a face: as constraints of the solve, or by the paper's statistical mapping, from whose face the
+#: solve of the other constraints then starts.
+SketchMethod = Literal["map", "paper"]
+SKETCH_METHODS: tuple[SketchMethod, ...] = get_args(SketchMethod)
 #: Largest number of points of a stroke.
 MOST_STROKE_POINTS = 10_000
 _MOST_MATCHED = 32
