@@ -124,9 +124,12 @@ def with_feature(
     """
     document = session.document
     removed = symmetry.with_partners(session, {index})
-    kept = [c for i, c in enumerate(document.constraints) if i not in removed]
-    kept += [c for c in restored if c not in kept]
-    return with_sketch(session, replace(document, constraints=tuple(kept)), changed, symmetry.on)
+    kept = tuple(c for i, c in enumerate(document.constraints) if i not in removed)
+    for sketch in restored:
+        if sketch not in kept:
+            # What is left of it in parts makes place for the whole.
+            kept = combined(kept, sketch)
+    return with_sketch(session, replace(document, constraints=kept), changed, symmetry.on)
 
 
 def prepare_recognition(model: FaceModel) -> None:
