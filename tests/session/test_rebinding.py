@@ -315,7 +315,7 @@ def test_places_without_rest_positions_on_another_version(tmp_path: Path) -> Non
     session = open_session(str(path))
     assert "2 points were reattached by position" in session.remark, "those of the photo"
     assert "the places of constraints[0] (point), constraints[1] (point)" in session.remark
-    assert len(session.document.constraints) == 7
+    assert len(session.document.constraints) == 8
 
 
 def test_places_that_the_character_has_no_more_are_left_out(tmp_path: Path) -> None:
@@ -325,7 +325,7 @@ def test_places_that_the_character_has_no_more_are_left_out(tmp_path: Path) -> N
     data["constraints"][0]["anchor"] = {"face": len(old.triangles) + 7, "barycentric": [1, 0, 0]}
     path.write_text(json.dumps(data))
     session = open_session(str(path))
-    assert len(session.document.constraints) == 6
+    assert len(session.document.constraints) == 7
     assert "removed, because their places no longer exist: constraints[0] (point)" in session.remark
 
 

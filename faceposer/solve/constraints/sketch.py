@@ -76,12 +76,27 @@ class TracedSketch:
         targets: Places on the stroke, shape (m, 2).
         tangents: Unit tangents of the stroke there, shape (m, 2).
         matched: Mask of the matched feature points, shape (m,).
+        chains: Index of the feature's chain of each point, shape (m,).
+        parameters: Parameter of each point on the curve of that chain, shape (m,); see ``FeatureCurve``.
     """
 
     points: SurfacePoints
     targets: Array
     tangents: Array
     matched: NDArray[np.bool_]
+    chains: Indices
+    parameters: Array
+
+    def joined(self, other: "TracedSketch") -> "TracedSketch":
+        """Return these points followed by those of ``other``."""
+        return TracedSketch(
+            self.points.joined(other.points),
+            np.concatenate([self.targets, other.targets]),
+            np.concatenate([self.tangents, other.tangents]),
+            np.concatenate([self.matched, other.matched]),
+            np.concatenate([self.chains, other.chains]),
+            np.concatenate([self.parameters, other.parameters]),
+        )
 
 
 @dataclass(frozen=True)
@@ -259,23 +274,31 @@ def _traced(sketch: SketchConstraint, model: FaceModel) -> TracedSketch:
     missing = [name for name in feature.points if name not in character.feature_points]
     if missing:
         raise ValueError(f"the character has no {feature.name}: it lacks the feature points {', '.join(missing)}")
-    pieces: list[tuple[SurfacePoints, Array, Array, NDArray[np.bool_]]] = []
-    for chain, curve in zip(feature.chains, feature_curves(character)[feature.name], strict=True):
+    pieces: list[TracedSketch] = []
+    for i, curve in enumerate(feature_curves(character)[feature.name]):
         kept = _kept(curve)
         pixels = sketch.camera.project(curve.points.positions(character.vertices, model.triangles))
-        matched = _matched_on(sketch, feature, chain)
+        matched = _matched_on(sketch, feature, feature.chains[i])
         found = correspondence(pixels, curve.parameters, feature.closed, sketch.line, matched)
         chosen = np.isin(found.indices, kept)
         indices = found.indices[chosen]
         at_point = np.isin(indices, curve.knots[found.used])
-        pieces.append((curve.points.subset(indices), found.places[chosen], found.tangents[chosen], at_point))
-    points = pieces[0][0]
+        pieces.append(
+            TracedSketch(
+                curve.points.subset(indices),
+                found.places[chosen],
+                found.tangents[chosen],
+                at_point,
+                np.full(len(indices), i),
+                curve.parameters[indices],
+            )
+        )
+    whole = pieces[0]
     for piece in pieces[1:]:
-        points = points.joined(piece[0])
-    if not len(points):
+        whole = whole.joined(piece)
+    if not len(whole.points):
         raise ValueError("its stroke does not meet the feature")
-    targets, tangents = (np.concatenate([piece[i] for piece in pieces]) for i in (1, 2))
-    return TracedSketch(points, targets, tangents, np.concatenate([piece[3] for piece in pieces]))
+    return whole
 
 
 def _matched_on(sketch: SketchConstraint, feature: Feature, chain: tuple[str, ...]) -> dict[int, Array]:
