@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
+from faceposer.sketch.paper_pose import PaperPose
+from faceposer.sketch.paper_recognition import PaperRecogniser
 from faceposer.sketch.recognition import DrawnStroke, Recogniser, Recognition
 from faceposer.sketch.training_poses import MANY_POSES, TrainingPoses
 
@@ -31,8 +33,8 @@ class Sketched(Protocol):
         ...
 
 
-#: Methods of recognition by name: each is built from the model and its training poses.
-RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {}
+#: Methods of recognition by name: each is fitted to the model and its training poses. A further method is added here.
+RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {"paper": PaperRecogniser}
 #: The method that is used if none is named.
 DEFAULT_RECOGNITION = "paper"
 
@@ -105,14 +107,24 @@ class Sketcher:
         """
         return self.recogniser(method).recognise(stroke, pose, others, feature)
 
+    @property
+    def paper(self) -> PaperPose:
+        """The paper's models of poses, fitted."""
+        height = self.model.character.height
+        return self._part("paper pose", lambda: PaperPose.fit(self.training, height, seed=self._seed))
+
     def paper_pose(self, sketched: Sequence[Sketched], start: Array) -> Array:
         """Return the coefficients, shape (r,), of the paper's face for matched strokes.
+
+        They depend on the strokes alone and are not limited to the natural range of the shapes.
 
         Args:
             sketched: Strokes with their matched feature points, such as all enabled sketch constraints.
             start: Pose that is returned if no feature point is matched, shape (r,).
         """
-        raise NotImplementedError
+        matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.points]
+        places = self.paper.places_of(matched) if matched else {}
+        return self.paper.coefficients(places) if places else start
 
 
 _sketchers: "WeakKeyDictionary[FaceModel, dict[tuple[bytes, int, int], Sketcher]]" = WeakKeyDictionary()
