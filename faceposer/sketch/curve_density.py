@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, FeatureCurve, feature_curves
 
@@ -20,6 +19,8 @@ Ids = NDArray[np.intp]
 
 #: Number of directions of the training poses.
 DIRECTIONS = 20
+# Number of directions in which one line moves.
+_LINE_DIRECTIONS = 8
 # Radius about a point of a curve over which normals are averaged, as a share of the character's height.
 _NORMAL_RADIUS = 0.035
 # Cosine of the angle to the camera at which half of a place counts as visible, and its softness.
@@ -184,8 +185,7 @@ class PoseDensity:
 
 
 def principal_factor(coefficients: Array, rows: FeatureRows) -> tuple[Array, Array]:
-    """Return mean, (r,), and factor, (r, q), of training ``coefficients``, (n, r), that preserves the features' motion.
-    """
+    """Return mean, (r,), and factor, (r, q), of training ``coefficients``, (n, r)."""
     mean = coefficients.mean(axis=0)
     scaled = (coefficients - mean).T / np.sqrt(max(len(coefficients) - 1, 1))
     flat = rows.jacobian.reshape(-1, rows.jacobian.shape[-1])
@@ -195,21 +195,34 @@ def principal_factor(coefficients: Array, rows: FeatureRows) -> tuple[Array, Arr
 
 
 class ViewedCurves:
-    """The lines of all features, seen by a camera, under one density of poses."""
+    """The lines of some features, seen by a camera, under one density of poses.
 
-    def __init__(self, rows: FeatureRows, density: PoseDensity, camera: Camera, tracks: Sequence[str]) -> None:
-        """Project the lines named ``tracks``."""
+    Each line depends on few directions of the pose: its derivatives are U V^T with the columns of V, shape (q, k),
+    orthonormal, and V^T z takes the place of z.
+
+    Attributes:
+        pixels: The mean of each line in units of the hand about the principal point, shape (n, 2), by feature.
+        moves: U of each line, shape (n, 2, k).
+        directions: V of each line, shape (q, k).
+    """
+
+    def __init__(self, rows: FeatureRows, density: PoseDensity, camera: Camera, names: Sequence[str]) -> None:
+        """Project the lines ``names``."""
         self.rows, self.density, self.camera = rows, density, camera
         self.unit = hand_unit(rows, camera)
-        self.tracks = [rows.tracks[name] for name in tracks]
-        self.pixels: dict[str, Array] = {}
-        self.moves: dict[str, Array] = {}
-        for track in self.tracks:
-            jacobian = rows.jacobian[track.rows]
-            places = rows.neutral[track.rows] + jacobian @ density.mean
-            pixels, derivative = camera.project_with_jacobian(places)
-            self.pixels[track.feature] = (pixels - camera.principal_point) / self.unit
-            self.moves[track.feature] = derivative @ (jacobian @ density.factor) / self.unit
+        self.tracks = [rows.tracks[name] for name in names]
+        chosen = np.concatenate([np.arange(track.rows.start, track.rows.stop) for track in self.tracks])
+        jacobian = rows.jacobian[chosen]
+        pixels, derivative = camera.project_with_jacobian(rows.neutral[chosen] + jacobian @ density.mean)
+        pixels = (pixels - camera.principal_point) / self.unit
+        moves = derivative @ (jacobian @ density.factor) / self.unit
+        ends = np.cumsum([track.rows.stop - track.rows.start for track in self.tracks])[:-1]
+        self.pixels = dict(zip(names, np.split(pixels, ends), strict=True))
+        whole = dict(zip(names, np.split(moves, ends), strict=True))
+        flat = [part.reshape(-1, part.shape[-1]) for part in whole.values()]
+        _, vectors = np.linalg.eigh(np.stack([part.T @ part for part in flat]))
+        self.directions = dict(zip(names, vectors[:, :, ::-1][:, :, :_LINE_DIRECTIONS], strict=True))
+        self.moves = {name: whole[name] @ self.directions[name] for name in names}
 
 
 def hand_unit(rows: FeatureRows, camera: Camera) -> float:
@@ -225,17 +238,3 @@ def visibility(rows: FeatureRows, camera: Camera) -> dict[str, float]:
     facing = (rows.normals * towards).sum(axis=1)
     seen = 1.0 / (1.0 + np.exp(-(facing - _FACING) / _SOFTNESS))
     return {name: float(seen[track.rows].mean()) for name, track in rows.tracks.items()}
-
-
-__all__ = [
-    "DIRECTIONS",
-    "GAPS",
-    "FeatureRows",
-    "PoseDensity",
-    "SurfacePoints",
-    "Track",
-    "ViewedCurves",
-    "hand_unit",
-    "principal_factor",
-    "visibility",
-]

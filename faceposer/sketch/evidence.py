@@ -1,7 +1,7 @@
 """Evidence of a whole stroke for intervals of feature curves: one Gaussian per interval and direction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,11 @@ class Evidence:
     _lower: Array
     _pulled: Array
 
+    def only(self, indices: Sequence[int]) -> "Evidence":
+        """Return the evidence for the lines ``indices`` alone."""
+        tracks, runs, intervals = (tuple(of[i] for i in indices) for of in (self.tracks, self.runs, self.intervals))
+        return replace(self, tracks=tracks, runs=runs, intervals=intervals)
+
     def log_total(self, index: int, temperature: float) -> float:
         """Return the log evidence of line ``index``, summed over its intervals and directions."""
         weighted = self._weighted(index) / temperature
@@ -52,16 +57,18 @@ class Evidence:
         )
 
     def posterior(self, index: int, row: int, direction: int) -> tuple[Array, Array]:
-        """Return the posterior mean, (Q,), and covariance, (Q, Q), of the pose's and the hand's standard normals."""
+        """Return the posterior mean, (q,), and covariance, (q, q), of the standard normals of the pose."""
         at = self.runs[index].start + row
         inverse = np.linalg.inv(self._lower[at])
         covariance = inverse.T @ inverse
-        return covariance @ self._pulled[at, :, direction], covariance
+        directions = self.curves.directions[self.tracks[index].feature]
+        size = directions.shape[1]
+        mean = directions @ (covariance @ self._pulled[at, :, direction])[:size]
+        inside = covariance[:size, :size] - np.eye(size)
+        return mean, np.eye(len(directions)) + directions @ inside @ directions.T
 
 
-def evidence(
-    curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]
-) -> Evidence:
+def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]) -> Evidence:
     """Return the evidence of ``stroke`` for the ``intervals`` of each of the lines of ``curves``.
 
     With the samples y = x + W e + n, where x is the mean of the curve's samples, e are the standard normals of the

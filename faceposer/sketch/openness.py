@@ -30,11 +30,10 @@ def log_openness(rows: FeatureRows, found: Evidence, index: int) -> float:
     run = rows.gap_slices[state[0]]
     density = found.curves.density
     mean, covariance = found.posterior(index, *found.best(index))
-    size = density.factor.shape[1]
     jacobian = rows.gaps[0][run].mean(axis=0)
     # Upper minus lower in the direction across the face's height, in the unit of the hand.
     scale = 720.0 / rows.size
-    gap = scale * (rows.gaps[1][run].mean(axis=0) + jacobian @ (density.mean + density.factor @ mean[:size]))
+    gap = scale * (rows.gaps[1][run].mean(axis=0) + jacobian @ (density.mean + density.factor @ mean))
     moves = scale * (jacobian @ density.factor)
-    deviation = float(np.sqrt(moves[1] @ covariance[:size, :size] @ moves[1] + _SOFTNESS**2))
+    deviation = float(np.sqrt(moves[1] @ covariance @ moves[1] + _SOFTNESS**2))
     return float(log_ndtr(state[1] * (gap[1] - OPEN) / deviation))

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.sketch.curve_density import PoseDensity, ViewedCurves, hand_unit
+from faceposer.sketch.curve_density import ViewedCurves, hand_unit
 from faceposer.sketch.evidence import Evidence, evidence
 from faceposer.sketch.hand import HandModel
 from faceposer.sketch.intervals import refined
-from faceposer.sketch.polyline import at_lengths, cleaned, lengths_along
+from faceposer.sketch.polyline import at_lengths, lengths_along, stroke_line
 from faceposer.sketch.recognition import DrawnStroke, MatchedPoint
 
 Array = NDArray[np.float64]
@@ -26,14 +26,11 @@ def placed_points(
     row, direction = found.best(index)
     mean, covariance = found.posterior(index, row, direction)
     density, track = found.curves.density, found.tracks[index]
-    size = density.factor.shape[1]
-    root = np.linalg.cholesky(0.5 * (covariance[:size, :size] + covariance[:size, :size].T) + 1e-9 * np.eye(size))
-    nearer = PoseDensity(density.mean + density.factor @ mean[:size], density.factor @ root)
+    root = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(covariance)))
+    nearer = density.updated(mean, root)
     curves = ViewedCurves(found.curves.rows, nearer, found.curves.camera, [track.feature])
     coarse = found.intervals[index]
-    finer = evidence(
-        curves, samples, hand, [refined(float(coarse.begins[row]), float(coarse.ends[row]), track.closed)]
-    )
+    finer = evidence(curves, samples, hand, [refined(float(coarse.begins[row]), float(coarse.ends[row]), track.closed)])
     row, _ = finer.best(0)
     weights = finer.log_evidence[:, direction] + finer.intervals[0].log_weights
     row = int(np.argmax(weights))
@@ -44,9 +41,9 @@ def placed_points(
     # Standard deviation of the places of points along the line.
     spread = np.exp(weights - weights.max())
     spread /= spread.sum()
-    points = cleaned(stroke.pixels)
-    lengths = lengths_along(points)
     unit = hand_unit(found.curves.rows, stroke.camera)
+    points = stroke_line(stroke, unit) * unit + stroke.camera.principal_point
+    lengths = lengths_along(points)
     matched: dict[str, MatchedPoint] = {}
     for names in track.names:
         knots = np.interp(np.linspace(0, track.parameters[-1], len(names)), track.parameters, share_of)

@@ -3,10 +3,15 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.geometry.strokes import smoothed
+from faceposer.sketch.recognition import DrawnStroke
+
 Array = NDArray[np.float64]
 
 # Points of a stroke that are used; longer ones are thinned out evenly.
 _MOST_POINTS = 2000
+# Spacing of the points of a smoothed stroke, and reach of the smoothing, in units of the hand.
+_STEP, _TREMOR = 2.0, 4.0
 
 
 def cleaned(pixels: ArrayLike) -> Array:
@@ -39,7 +44,15 @@ def evenly(points: Array, count: int) -> Array:
     return at_lengths(points, along, np.linspace(0.0, along[-1], count))
 
 
-def smoothed_length_share(points: Array, count: int) -> float:
-    """Return the length of ``count`` even samples of a polyline as a share of its whole length, at most 1."""
-    whole = float(lengths_along(points)[-1])
-    return float(lengths_along(evenly(points, count))[-1]) / max(whole, 1e-12)
+def stroke_line(stroke: DrawnStroke, unit: float) -> Array:
+    """Return ``stroke`` without the tremor of the hand, in units about the principal point, shape (n, 2).
+
+    Args:
+        stroke: The stroke.
+        unit: The unit of the hand in its pixels.
+    """
+    points = (cleaned(stroke.pixels) - stroke.camera.principal_point) / unit
+    if len(points) < 2:
+        return points
+    length = float(lengths_along(points)[-1])
+    return smoothed(points, step=max(_STEP, length / _MOST_POINTS), reach=_TREMOR)

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from threading import Lock
 
 import numpy as np
@@ -24,8 +24,9 @@ from faceposer.sketch.hand import SAMPLES, SHORTEST, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
 from faceposer.sketch.placing import placed_points
-from faceposer.sketch.polyline import cleaned, evenly, lengths_along
+from faceposer.sketch.polyline import evenly, lengths_along, stroke_line
 from faceposer.sketch.recognition import Candidate, DrawnStroke, Recognition
+from faceposer.sketch.training_poses import TrainingPoses
 
 Array = NDArray[np.float64]
 
@@ -47,8 +48,8 @@ class Tuning:
         finalists: Number of features whose points are placed.
     """
 
-    hand: HandModel = HandModel()
-    scribbles: ScribbleModel = ScribbleModel()
+    hand: HandModel = field(default_factory=HandModel)
+    scribbles: ScribbleModel = field(default_factory=ScribbleModel)
     scribble: float = 0.2
     present: float = 0.5
     near: float = 0.4
@@ -64,6 +65,8 @@ class Tuning:
 _REACH, _REACH_LENGTH = 110.0, 0.35
 # Number of sequences of earlier strokes whose densities are kept.
 _MOST_SEQUENCES = 32
+# Log evidence behind that of the likeliest feature at which a feature is given up.
+_HOPELESS = 40.0
 # Candidates below this probability are omitted.
 _LEAST = 1e-4
 
@@ -89,6 +92,11 @@ class WholeStrokeRecogniser:
         self._sequences: OrderedDict[tuple[DrawnStroke, ...], PoseDensity] = OrderedDict()
         self._lock = Lock()
 
+    @classmethod
+    def of(cls, model: FaceModel, training: TrainingPoses) -> "WholeStrokeRecogniser":
+        """Fit the recogniser to ``training`` poses of ``model``."""
+        return cls(model, training.coefficients)
+
     def recognise(
         self, stroke: DrawnStroke, pose: Array, others: Sequence[DrawnStroke] = (), feature: str | None = None
     ) -> Recognition:
@@ -102,40 +110,38 @@ class WholeStrokeRecogniser:
         if feature is None:
             names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
         drawn = {other.feature for other in others if other.feature is not None}
-        found = [
-            evidence(
-                ViewedCurves(self._rows, density, camera, names),
-                samples,
-                self.tuning.hand,
-                [candidate_intervals(self._rows.tracks[name].closed) for name in names],
-            )
-            for density in self._densities(np.asarray(pose, dtype=np.float64), others)
-        ] if names else []
+        found: list[Evidence] = []
+        for density in self._densities(np.asarray(pose, dtype=np.float64), others):
+            if names:
+                intervals = [candidate_intervals(self._rows.tracks[name].closed) for name in names]
+                curves = ViewedCurves(self._rows, density, camera, names)
+                found.append(evidence(curves, samples, self.tuning.hand, intervals))
+            if len(found) == 1 and len(names) > self.tuning.finalists:
+                # Features far behind are not compared with the present pose.
+                totals = np.array([found[0].log_total(i, self.tuning.temperature) for i in range(len(names))])
+                kept = np.flatnonzero(totals > totals.max() - _HOPELESS)
+                names = [names[i] for i in kept]
+                found = [found[0].only(kept.tolist())]
         return self._decided(stroke, samples, found, names, drawn, feature)
 
     def _samples(self, stroke: DrawnStroke) -> Array | None:
         """Return the samples of ``stroke`` in units of the hand about the principal point, (SAMPLES, 2), or None."""
-        unit = hand_unit(self._rows, stroke.camera)
-        points = (cleaned(stroke.pixels) - stroke.camera.principal_point) / unit
-        if len(points) < 2 or lengths_along(points)[-1] < SHORTEST:
+        line = stroke_line(stroke, hand_unit(self._rows, stroke.camera))
+        if len(line) < 2 or lengths_along(line)[-1] < SHORTEST or np.hypot(*np.ptp(line, axis=0)) < SHORTEST:
             return None
-        return evenly(points, SAMPLES)
+        return evenly(line, SAMPLES)
 
     def _within_reach(self, names: list[str], samples: Array, pose: Array, camera: Camera) -> list[str]:
         """Return those of ``names`` whose lines, in the present pose, are near the stroke."""
         unit = hand_unit(self._rows, camera)
         places = self._rows.neutral + self._rows.jacobian @ pose
         pixels = (camera.project(places) - camera.principal_point) / unit
+        begins = [track.rows.start for track in self._rows.tracks.values()]
         reach = _REACH + _REACH_LENGTH * float(lengths_along(samples)[-1])
-        near = []
-        for name in names:
-            line = pixels[self._rows.tracks[name].rows]
-            low, high = line.min(axis=0) - reach, line.max(axis=0) + reach
-            middle = samples.mean(axis=0)
-            if (samples.min(axis=0) <= high).all() and (samples.max(axis=0) >= low).all():
-                if (middle >= low).all() and (middle <= high).all():
-                    near.append(name)
-        return near
+        low, high = np.minimum.reduceat(pixels, begins) - reach, np.maximum.reduceat(pixels, begins) + reach
+        middle = samples.mean(axis=0)
+        near = ((middle >= low) & (middle <= high)).all(axis=1)
+        return [name for name, is_near in zip(self._rows.tracks, near, strict=True) if is_near and name in names]
 
     def _densities(self, pose: Array, others: Sequence[DrawnStroke]) -> list[PoseDensity]:
         tuning = self.tuning
@@ -170,14 +176,14 @@ class WholeStrokeRecogniser:
         curves = ViewedCurves(self._rows, density, camera, [name])
         found = evidence(curves, samples, self.tuning.hand, [candidate_intervals(curves.tracks[0].closed)])
         mean, covariance = found.posterior(0, *found.best(0))
-        size = density.factor.shape[1]
-        precision = np.linalg.inv(covariance[:size, :size])
+        size = len(covariance)
+        precision = np.linalg.inv(covariance)
         # The information of the stroke alone, tempered.
         share = 1.0 / self.tuning.others
         tempered = np.eye(size) + share * (precision - np.eye(size))
         inverse = np.linalg.inv(tempered)
         inverse = 0.5 * (inverse + inverse.T)
-        return density.updated(share * inverse @ (precision @ mean[:size]), np.linalg.cholesky(inverse))
+        return density.updated(share * inverse @ (precision @ mean), np.linalg.cholesky(inverse))
 
     def _decided(
         self,

@@ -1,1 +1,1 @@
-"""Accuracy of sketching: strokes with the errors of a hand, drawn from poses that no model has seen (docs/sketching.md)."""
+"""Accuracy of sketching, from strokes with the errors of a hand on unseen poses (docs/sketching.md)."""

@@ -43,9 +43,7 @@ class DrawnLine:
     parameters: Array
 
 
-def drawn(
-    line: Array, parameters: Array, closed: bool, errors: HandErrors, rng: np.random.Generator
-) -> DrawnLine:
+def drawn(line: Array, parameters: Array, closed: bool, errors: HandErrors, rng: np.random.Generator) -> DrawnLine:
     """Return ``line`` drawn by a hand.
 
     Args:
