@@ -190,9 +190,10 @@ class SketchTool(PosingTool):
         """Recognise the unfinished stroke, unless that takes longer than a frame."""
         if self.preparing() or self._cost > _FRAME or _length(path) < _PREVIEWED * context.ui_scale:
             return
-        begin = time.perf_counter()
+        # Seconds of this thread, since other programs may delay it.
+        begin = time.thread_time()
         self.preview = self._candidates(DrawnStroke(smoothed(path), camera), context)[0]
-        self._cost = time.perf_counter() - begin
+        self._cost = time.thread_time() - begin
         if self._cost > _FRAME:
             # It would soon be out of date.
             self.preview = None

@@ -218,7 +218,8 @@ def test_half_a_lip_is_completed_by_symmetry(context: HeadlessContext) -> None:
     context.follow([place for place in way if place[0] >= middle - 1])
     assert features(context) == ["outer lower lip", "outer lower lip"]
     names = [{name for name, _ in constraint.matched} for constraint in context.constraints]
-    assert "8.3" in names[0] and "8.4" in names[1]
+    assert "8.3" in names[0]
+    assert "8.4" in names[1]
     context.undo()
     context.follow(way)
     assert features(context) == ["outer lower lip"], "a whole lip has no other side"

@@ -69,7 +69,7 @@ class SketchOverlay:
         for index, mark in sorted(context.drawn_constraints.marks.items(), key=lambda item: item[0] != pointed):
             if not isinstance(mark, SketchMark) or index is None:
                 continue
-            lit = index == pointed or index in context.toolbox.selection
+            lit = index == pointed or (context.points_shown and index in context.toolbox.selection)
             if lit or (chosen and context.points_shown and index not in hidden):
                 strength = (1.0 if lit else 0.75) * (1.0 if mark.own_view else 0.6)
                 found.append((index, mark.feature, mark.line, INK if lit else FAINT, strength))
@@ -110,8 +110,7 @@ class SketchOverlay:
         width = size.x + 2.0 * _PAD_X * scale + (self._list_width if listed else 0.0)
         height = size.y + 2.0 * _PAD_Y * scale
         # Outwards from the face, where it hides least.
-        middle = float(viewport.camera.project(self._middle[None])[0, 0])
-        leftwards = float(line[:, 0].mean()) < middle - 0.02 * wide
+        leftwards = float(line[:, 0].mean()) < self._middle - 0.02 * wide
         end = line[np.argmin(line[:, 0])] if leftwards else line[np.argmax(line[:, 0])]
         if not (0.0 <= end[0] <= wide and 0.0 <= end[1] <= tall):
             return None
@@ -125,10 +124,11 @@ class SketchOverlay:
         return (left, top, left + width, top + height)
 
     @property
-    def _middle(self) -> Array:
-        """The middle of the head, shape (3,)."""
+    def _middle(self) -> float:
+        """Column of the middle of the features in the view."""
         vertices = self._context.scene.vertices
-        return np.asarray(0.5 * (vertices.min(axis=0) + vertices.max(axis=0)), dtype=np.float64)
+        ids = list(self._context.session.model.character.feature_points.values())
+        return float(self._context.viewport.camera.project(vertices[ids])[:, 0].mean()) if ids else 0.0
 
     def _draw_name(
         self, draw: imgui.ImDrawList, box: Box, name: str, colour: Colour, strength: float, listed: bool
