@@ -11,10 +11,11 @@ from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import weights_on
 from faceposer.poses.library import starter_poses
 from faceposer.session.document import Document
-from faceposer.sketch.recognition import DrawnStroke
+from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.sketch.sketcher import Sketcher, sketcher_of
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.solve.problem import PoseProblem
 
 Array = NDArray[np.float64]
@@ -74,6 +75,12 @@ def pose_problem(model: FaceModel, document: Document) -> PoseProblem:
     """Return the problem whose solution is the pose of ``document``."""
     constraints, start = solver_input(model, document)
     return PoseProblem(model, constraints, start, document.prior_weight, prior=document.prior, spread=document.spread)
+
+
+def sketch_of(stroke: DrawnStroke, candidate: Candidate, weight: float = 1.0) -> SketchConstraint:
+    """Return the constraint for ``stroke`` as ``candidate``; it is not resolved to points of the face."""
+    matched = tuple((point.feature_point, point.pixel) for point in candidate.points)
+    return SketchConstraint(as_pixels(stroke.pixels), stroke.camera, candidate.feature, matched, weight=weight)
 
 
 @lru_cache(maxsize=8)

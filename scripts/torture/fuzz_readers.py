@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from faceposer.animation.trajectory_io import read_camera, read_trajectories
+from faceposer.animation.trajectory_io import read_trajectories
 from faceposer.geometry.marker_io import fill_gaps, read_markers
 from faceposer.geometry.marker_map import read_marker_map
 from faceposer.geometry.mesh_io import read_mesh
@@ -28,6 +28,7 @@ from faceposer.poses.applying import weights_on
 from faceposer.poses.pose_file import read_pose
 from faceposer.session.autosave import find_orphans
 from faceposer.session.opening import load_model, open_session
+from faceposer.solve.camera_io import read_camera
 from faceposer.training.summary import findings_of, text_of_summary
 from scripts.torture import mutations
 from scripts.torture.mutations import Mutation
