@@ -126,7 +126,7 @@ class Sketcher:
             sketched: Strokes with their matched feature points, such as all enabled sketch constraints.
             start: Pose that is returned if no feature point is matched, shape (r,).
         """
-        matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.points]
+        matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.matched]
         places = self.paper.places_of(matched) if matched else {}
         return self.paper.coefficients(places) if places else start
 
