@@ -80,7 +80,7 @@ class SketchTool(PosingTool):
     help = "Draw a feature as it should look: a brow, a lid, a lip; the face takes that shape"
     empty_text = "Draw a brow, a lid, a lip or another feature as it should look. The face takes that shape."
     drag_hint = "Move: draw the feature   ·   release: the face follows   ·   Esc: cancel"
-    handle_hint = "Click: next feature that it may be   ·   Shift+drag: move it   ·   right click: remove it"
+    handle_hint = "Click: choose the next feature   ·   Shift+drag: move the stroke   ·   right click: remove it"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -245,14 +245,15 @@ class SketchTool(PosingTool):
     def _candidates(
         self, stroke: DrawnStroke, context: ToolContext, without: int | None = None
     ) -> tuple[Candidate | None, tuple[Candidate, ...]]:
-        """Return the feature of ``stroke``, None if it depicts none, and all candidates.
+        """Return the feature of ``stroke``, None if it depicts none, and all candidates with matched points.
 
         Constraint ``without`` is left out of what is drawn already.
         """
         session = context.session
         constraints = [c for i, c in enumerate(session.document.constraints) if i != without]
         found = session_sketcher(session.model).recognise(stroke, session.coefficients, drawn_strokes(constraints))
-        return found.best, tuple(candidate for candidate in found.candidates if candidate.points)
+        candidates = tuple(candidate for candidate in found.candidates if candidate.points)
+        return found.best if found.best in candidates else None, candidates
 
     def advance(self, context: ToolContext) -> bool:
         """Recognise the waiting stroke if the recogniser is prepared; return True if there was such a stroke."""
@@ -388,7 +389,7 @@ class SketchTool(PosingTool):
             return "Preparing the recogniser for this character...   ·   Esc: discard the stroke"
         if self.unnamed is not None:
             return f"{UNRECOGNISED}   ·   draw it again, or click the stroke to name it   ·   Esc: discard it"
-        return "Draw a brow, lid, lip or other feature as it should look   ·   middle drag: orbit"
+        return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the face: orbit"
 
 
 def _inside(box: Box | None, position: Pixel) -> bool:

@@ -6,6 +6,7 @@ import pytest
 from faceposer.geometry.camera import OrbitView
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import feature_curves
+from faceposer.sketch.recognition import Candidate, Recognition
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.tools.sketch_tool import UNNAMED, UNRECOGNISED, SketchTool
 from tests.tools.context import HeadlessContext, Pixel, along, check_stages, shifted
@@ -98,6 +99,21 @@ def test_a_scribble_changes_nothing_and_says_so(context: HeadlessContext) -> Non
     context.click(scribble(context)[3], "right")
     assert tool.unnamed is None
     assert context.session.document is document
+
+
+def test_a_feature_without_matched_points_counts_as_none(
+    context: HeadlessContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tool = tool_of(context)
+    found = Recognition((Candidate("jaw line", 0.9, ()),), accepted=True)
+    monkeypatch.setattr("faceposer.sketch.sketcher.Sketcher.recognise", lambda *_args, **_more: found)
+    for event in along(way_of(context, "left brow"))[:-1]:
+        context.send(*event)
+        assert tool.preview is None
+    context.send(*along(way_of(context, "left brow"))[-1])
+    assert context.constraints == ()
+    assert tool.unnamed is not None
+    assert tool.unnamed.candidates == ()
 
 
 def test_an_unnamed_stroke_is_named(context: HeadlessContext) -> None:
