@@ -1,12 +1,12 @@
 """Edits of sketches: a stroke that becomes a feature, another feature for it, and both on the other side, too."""
 
-from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
+from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
@@ -22,43 +22,8 @@ from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.symmetry import Symmetry, image_of
 
-# Number of strokes whose candidates are kept.
+# Number of strokes that are kept for recognition.
 _MOST_STROKES = 500
-
-
-@dataclass(frozen=True, eq=False)
-class _Known:
-    candidates: tuple[Candidate, ...]
-    replaced: tuple[SketchConstraint, ...]
-
-
-class RecognisedStrokes:
-    """What the recognition of each stroke has found, and what the stroke has replaced; undo does not change it."""
-
-    def __init__(self) -> None:
-        self._known: OrderedDict[object, _Known] = OrderedDict()
-
-    def remember(
-        self, sketch: SketchConstraint, candidates: tuple[Candidate, ...], replaced: tuple[SketchConstraint, ...]
-    ) -> None:
-        """Keep the ``candidates`` of the stroke of ``sketch``, and the sketches that it has ``replaced``."""
-        self._known[_key(sketch)] = _Known(candidates, replaced)
-        while len(self._known) > _MOST_STROKES:
-            self._known.popitem(last=False)
-
-    def candidates(self, sketch: SketchConstraint) -> tuple[Candidate, ...]:
-        """Return the candidates of the stroke of ``sketch``, the most probable first; none if it is not known."""
-        known = self._known.get(_key(sketch))
-        return () if known is None else known.candidates
-
-    def replaced(self, sketch: SketchConstraint) -> tuple[SketchConstraint, ...]:
-        """Return the sketches that ``sketch`` has replaced as the feature that it depicts."""
-        known = self._known.get(_key(sketch))
-        return () if known is None else known.replaced
-
-
-def _key(sketch: SketchConstraint) -> object:
-    return sketch.stroke, sketch.camera
 
 
 @lru_cache(maxsize=_MOST_STROKES)
@@ -149,3 +114,10 @@ def drawable_features(character: Character) -> list[str]:
     """Return the names of the features that can be drawn on ``character``, in a fixed order."""
     known = character.feature_points
     return [feature.name for feature in FEATURES.values() if all(name in known for name in feature.points)]
+
+
+@lru_cache(maxsize=8)
+def drawable_points(character: Character) -> SurfacePoints:
+    """Return the feature points of the features that can be drawn on ``character``."""
+    names = {name for feature in drawable_features(character) for name in FEATURES[feature].points}
+    return SurfacePoints.at_vertices([character.feature_points[name] for name in sorted(names)])

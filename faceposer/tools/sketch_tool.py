@@ -3,12 +3,10 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
 from faceposer.session.sketching import session_sketcher
@@ -16,10 +14,11 @@ from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.point_tool import CLICK_THRESHOLD
+from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
 from faceposer.tools.sketch_edits import (
-    RecognisedStrokes,
     depicting,
     drawable_features,
+    drawable_points,
     drawn_stroke,
     drawn_strokes,
     sketch_of,
@@ -40,23 +39,10 @@ UNNAMED = -1
 UNRECOGNISED = "No feature recognised: nothing has changed"
 # In pixels at normal density: reach of strokes, length of the shortest stroke, and of the shortest that is previewed.
 _REACH, _SHORTEST, _PREVIEWED = 7.0, 14.0, 30.0
-# Extent around the feature points, as a share of theirs, in which a press begins a stroke.
-_AROUND = 0.3
+# Extent around the features, as a share of theirs, in which a press begins a stroke.
+_AROUND = 0.25
 # Seconds that the recognition of an unfinished stroke may take, and its largest share of the time of drawing.
 _FRAME, _PREVIEW_SHARE = 1.0 / 60.0, 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class UnnamedStroke:
-    """A stroke that depicts no feature.
-
-    Attributes:
-        stroke: The stroke.
-        candidates: Features that it may depict, the most probable first.
-    """
-
-    stroke: DrawnStroke
-    candidates: tuple[Candidate, ...]
 
 
 class SketchTool(PosingTool):
@@ -129,8 +115,8 @@ class SketchTool(PosingTool):
     def works_at(self, position: Pixel, context: ToolContext) -> bool:
         """Return True if a press at ``position`` draws: on the face and around its features."""
         session = context.session
-        vertices = list(session.model.character.feature_points.values())
-        places = session.model.positions_at(SurfacePoints.at_vertices(vertices), session.coefficients)
+        points = drawable_points(session.model.character)
+        places = session.model.positions_at(points, session.coefficients)
         pixels = context.camera.project(places)
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         margin = _AROUND * float((high - low).max())

@@ -64,8 +64,31 @@ def mark_of(index: int, constraint: SketchConstraint, view: MarkView) -> SketchM
     names, pixels = zip(*constraint.matched, strict=True)
     ids = view.viewport.session.model.character.feature_points
     feet = view.positions(SurfacePoints.at_vertices([ids[name] for name in names]))
-    line, own = view.shown(constraint.stroke, constraint.camera, feet)
-    matched, _ = view.shown(as_pixels(pixels), constraint.camera, feet)
     points = constraint.points
-    source = view.camera.project(view.positions(points.subset(~view.hidden(points))))
+    positions = view.positions(points)
+    own = constraint.camera.same_viewpoint(view.camera)
+    line, matched = (
+        view.shown(as_pixels(part), constraint.camera, positions)[0]
+        if own
+        else _lifted(part, constraint, positions, view)
+        for part in (np.array(constraint.stroke), np.array(pixels))
+    )
+    source = view.camera.project(positions[~view.hidden(points)])
     return SketchMark(index, constraint.feature, line, matched, view.camera.project(feet), source, own)
+
+
+def _lifted(pixels: Array, sketch: SketchConstraint, positions: Array, view: MarkView) -> Array:
+    """Return ``pixels`` of the camera of ``sketch``, (n, 2), in another view, at the depth of the feature on the face.
+
+    Args:
+        pixels: Pixels on the stroke.
+        sketch: The sketch.
+        positions: Positions of its points of the face, shape (m, 3).
+        view: The view.
+    """
+    camera = sketch.camera
+    depths = camera.to_camera(positions)[:, 2]
+    distances = np.linalg.norm(pixels[:, None] - sketch.on_face.targets[None], axis=2)
+    depth = depths[distances.argmin(axis=1)][:, None]
+    local = np.hstack([(pixels - camera.principal_point) / camera.focal * depth, depth])
+    return view.camera.project((local - camera.translation) @ camera.rotation)
