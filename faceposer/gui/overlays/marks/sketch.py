@@ -87,8 +87,9 @@ def _lifted(pixels: Array, sketch: SketchConstraint, positions: Array, view: Mar
         view: The view.
     """
     camera = sketch.camera
-    depths = camera.to_camera(positions)[:, 2]
-    distances = np.linalg.norm(pixels[:, None] - sketch.on_face.targets[None], axis=2)
-    depth = depths[distances.argmin(axis=1)][:, None]
+    offsets = pixels[:, None] - sketch.on_face.targets[None]
+    # Mostly that of the nearest points, without steps between them.
+    weights = 1.0 / (np.einsum("nmk,nmk->nm", offsets, offsets) + 1.0) ** 2
+    depth = (weights @ camera.to_camera(positions)[:, 2] / weights.sum(axis=1))[:, None]
     local = np.hstack([(pixels - camera.principal_point) / camera.focal * depth, depth])
     return view.camera.project((local - camera.translation) @ camera.rotation)
