@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from faceposer.geometry.camera import OrbitView
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.picture_view import PictureView
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import feature_curves
 from faceposer.sketch.recognition import Candidate, Recognition
@@ -260,6 +261,35 @@ def test_a_view_from_the_side(context: HeadlessContext) -> None:
     context.view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0))
     stroke = context.constraints[0].stroke
     assert tool_of(context).sketch_at(stroke[20], context) is None, "strokes of other views are out of reach"
+
+
+def test_over_a_photo_from_a_tilted_camera(context: HeadlessContext) -> None:
+    angle = np.radians(12.0)
+    roll = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    taken = Camera(roll @ np.diag([1.0, -1.0, -1.0]), np.array([3.0, -2.0, 80.0]), 1900.0, (900, 700))
+    context.view = PictureView.whole(taken, (0.0, 0.0, 0.0)).zoomed(1.3)  # type: ignore[assignment]
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    assert features(context) == ["left brow"]
+    (sketch,) = context.constraints
+    assert sketch.camera.same_viewpoint(taken)
+    assert context.session.residuals_px[0] < 2
+    place = sketch.stroke[20]
+    context.view = context.view.zoomed(1.5)
+    seen = sketch.camera.transferred(place, context.camera)
+    assert seen is not None
+    assert tool_of(context).sketch_at(seen, context) == 0, "it follows the zoom of the photo"
+    # Zoomed while it is drawn, a stroke stays where it is in the photo.
+    way = way_of(context, "outer lower lip", dy=10.0)
+    camera = context.camera
+    context.send("press", way[0])
+    for i, pixel in enumerate(way[1:]):
+        if i == len(way) // 2:
+            context.send("wheel", pixel, None, wheel=-1.0)
+        context.send("move", camera.transferred(pixel, context.camera) or pixel)
+    context.send("release", camera.transferred(way[-1], context.camera) or way[-1])
+    assert features(context) == ["left brow", "outer lower lip"]
+    assert context.constraints[1].camera == camera
+    np.testing.assert_allclose(context.constraints[1].stroke[-1], way[-1], atol=1e-6)
 
 
 def test_a_stroke_waits_for_the_recogniser(context: HeadlessContext) -> None:
