@@ -74,6 +74,7 @@ class Icon:
     LOOP = "\uf363"
     KEY = "\uf219"
     PATH = "\uf4d7"
+    LIST = "\uf0d7"
 
 
 def u32(colour: Colour, alpha: float = 1.0) -> int:
