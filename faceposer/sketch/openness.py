@@ -7,7 +7,7 @@ from faceposer.sketch.curve_density import FACE_SIZE, FeatureRows
 from faceposer.sketch.evidence import Evidence
 
 #: Distance of lips or lids at which they are open, in units of the hand.
-OPEN = 7.0
+OPEN = 12.0
 # Standard deviation of this distance for which people draw one line, not two.
 _SOFTNESS = 3.0
 #: The gap that must be open (1) or closed (-1) for a feature to be drawn.

@@ -13,7 +13,7 @@ from faceposer.sketch.recognition import DrawnStroke, MatchedPoint
 Array = NDArray[np.float64]
 
 # A feature point this far beyond an end of a stroke, as a share of the line, is at the end.
-_AT_END = 0.03
+_AT_END = 0.07
 
 
 def placed_points(

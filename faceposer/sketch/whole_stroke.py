@@ -43,6 +43,7 @@ class Tuning:
         temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
         others: The same for the strokes that have been drawn before.
         again: Prior of a feature that has been drawn before, relative to one that has not.
+        line: Prior of the line of a closed mouth, relative to another feature.
         unseen: Least prior of a feature that faces away.
         finalists: Number of features whose points are placed.
     """
@@ -55,6 +56,7 @@ class Tuning:
     temperature: float = 2.0
     others: float = 4.0
     again: float = 0.35
+    line: float = 0.5
     unseen: float = 0.003
     finalists: int = 3
 
@@ -208,6 +210,8 @@ class WholeStrokeRecogniser:
                 continue
             logs[i] += log_openness(self._rows, part, index) / tuning.temperature
             logs[i] += np.log(max(seen[names[i]], tuning.unseen))
+            if names[i] == "mouth line":
+                logs[i] += np.log(tuning.line)
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)

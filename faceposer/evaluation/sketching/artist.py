@@ -16,7 +16,7 @@ from faceposer.sketch.recognition import DrawnStroke
 Array = NDArray[np.float64]
 
 #: Distance of lips or lids, in pixels of a view 960 pixels high, below which they are drawn as one line.
-ONE_LINE = 7.0
+ONE_LINE = 12.0
 # Least share of a line that must be visible, and how far behind the skin a visible point may be, by height.
 _LEAST_VISIBLE, _BEHIND = 0.6, 0.012
 
