@@ -29,7 +29,7 @@ class Sketched(Protocol):
         ...
 
     @property
-    def points(self) -> tuple[tuple[str, tuple[float, float]], ...]:
+    def matched(self) -> tuple[tuple[str, tuple[float, float]], ...]:
         """Names of feature points with their pixels."""
         ...
 
@@ -126,9 +126,9 @@ class Sketcher:
             sketched: Strokes with their matched feature points, such as all enabled sketch constraints.
             start: Pose that is returned if no feature point is matched, shape (r,).
         """
-        matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.points]
-        places = self.paper.places_of(matched) if matched else {}
-        return self.paper.coefficients(places) if places else start
+        matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.matched]
+        known = [match for match in matched if match[1] in self.training.index]
+        return self.paper.coefficients(self.paper.places_of(known)) if known else start
 
 
 _sketchers: "WeakKeyDictionary[FaceModel, dict[tuple[bytes, int, int], Sketcher]]" = WeakKeyDictionary()
