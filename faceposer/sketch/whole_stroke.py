@@ -24,7 +24,7 @@ from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
 from faceposer.sketch.placing import placed_points
 from faceposer.sketch.polyline import evenly, lengths_along, stroke_line
-from faceposer.sketch.recognition import Candidate, DrawnStroke, Recognition
+from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ class WholeStrokeRecogniser:
         self.tuning = tuning or Tuning()
         self._rows = FeatureRows.of(model)
         self._poses = PoseMixture.of(np.asarray(coefficients, dtype=np.float64), self._rows, self.tuning.spread)
-        self._sequences: OrderedDict[tuple[DrawnStroke, ...], PoseMixture] = OrderedDict()
+        self._sequences: OrderedDict[tuple[object, ...], PoseMixture] = OrderedDict()
         self._lock = Lock()
 
     @classmethod
@@ -141,7 +141,8 @@ class WholeStrokeRecogniser:
         totals = [part.log_total(index, self.tuning.temperature) for part, index in found]
         for i in np.argsort(totals)[: -1 - self.tuning.finalists : -1]:
             for _ in range(self.tuning.rounds):
-                found[i] = nearer_evidence(*found[i], samples, self.tuning.hand), 0
+                part, index = found[i]
+                found[i] = nearer_evidence(part, index, samples, self.tuning.hand), 0
         return found
 
     def _samples(self, stroke: DrawnStroke) -> Array | None:
@@ -167,10 +168,11 @@ class WholeStrokeRecogniser:
         """Return the density of poses given the strokes drawn before."""
         if not others:
             return self._poses
+        key = tuple((other.feature, other.camera, np.asarray(other.pixels).tobytes()) for other in others)
         with self._lock:
-            known = self._sequences.get(others)
+            known = self._sequences.get(key)
             if known is not None:
-                self._sequences.move_to_end(others)
+                self._sequences.move_to_end(key)
                 return known
         before, stroke = self._after(others[:-1]), others[-1]
         samples = self._samples(stroke)
@@ -178,7 +180,7 @@ class WholeStrokeRecogniser:
         if samples is not None and stroke.feature is not None:
             after = self._updated(before, stroke.feature, samples, stroke.camera)
         with self._lock:
-            self._sequences[others] = after
+            self._sequences[key] = after
             while len(self._sequences) > _MOST_SEQUENCES:
                 self._sequences.popitem(last=False)
         return after
@@ -192,10 +194,13 @@ class WholeStrokeRecogniser:
         share = 1.0 / self.tuning.others
         identity = np.eye(len(posterior.covariance))
         precision = np.linalg.inv(posterior.covariance)
-        tempered = np.linalg.inv(identity + share * (precision - identity))
+        tempered = np.asarray(np.linalg.inv(identity + share * (precision - identity)))
         information = posterior.means @ precision - density.means
         means = (density.means + share * information) @ tempered
         return density.updated(share * posterior.log_likelihood, means, tempered)
+
+    def _placed(self, found: tuple[Evidence, int], stroke: DrawnStroke, samples: Array) -> tuple[MatchedPoint, ...]:
+        return placed_points(found[0], found[1], stroke, samples, self.tuning.hand)
 
     def _decided(
         self,
@@ -237,7 +242,7 @@ class WholeStrokeRecogniser:
             Candidate(
                 names[i],
                 float(min(probabilities[i], 1.0)),
-                placed_points(*found[i], stroke, samples, tuning.hand),
+                self._placed(found[i], stroke, samples),
             )
             for i in order[: tuning.finalists]
         )
