@@ -14,13 +14,14 @@ from faceposer.animation.trajectories import Trajectories
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json, shown
 from faceposer.files.sample_times import USUAL_RATE, assumed_rate, nearest_known
-from faceposer.geometry.camera import Camera, OrbitView, ViewName
+from faceposer.geometry.camera import Camera
 from faceposer.geometry.marker_csv import MAX_MARKERS, MarkerTable, parse_marker_csv
 from faceposer.geometry.marker_io import MarkerMotion, read_markers
 from faceposer.geometry.marker_map import MarkerMap
 from faceposer.geometry.marker_meshes import check_names, displacements_of_markers
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.character import Character
+from faceposer.solve.camera_io import camera_from_json
 from faceposer.solve.constraints import codec
 
 FORMAT = "faceposer.trajectories"
@@ -41,12 +42,6 @@ _FARTHEST = 1e6
 _NEAR = 0.15
 
 Array = NDArray[np.float64]
-_Side = Annotated[float, Meta(ge=1.0, le=65536.0)]
-
-
-class _ViewJson(JsonObject):
-    view: ViewName
-    size: tuple[_Side, _Side]
 
 
 class _PointJson(JsonObject, kw_only=True):
@@ -127,34 +122,6 @@ def read_trajectories(
         if table is not None:
             return _trajectories_in_image(path, table, options)
     return _trajectories_in_space(path, read_markers(path, rate), options)
-
-
-def read_camera(path: Path, character: Character) -> Camera:
-    """Return the camera in the JSON file ``path``, or the view of ``character`` named there.
-
-    Raises:
-        FacePoserError: If the file cannot be read or has no camera.
-    """
-
-    def parsed(data: Any) -> Camera:
-        inner = data["camera"] if isinstance(data, dict) and "camera" in data else data
-        return camera_from_json(inner, "camera", character)
-
-    return read_json(path, "camera", parsed, _MAX_BYTES)
-
-
-def camera_from_json(data: Any, where: str, character: Character) -> Camera:
-    """Return the camera described by ``data``: its parameters, or a view that frames ``character`` with an image size.
-
-    Raises:
-        FacePoserError: If the data is invalid; the message names the place, which starts with ``where``.
-    """
-    if not (isinstance(data, dict) and "view" in data):
-        return convert(data, codec.CameraJson, where).camera()
-    form = convert(data, _ViewJson, where)
-    width, height = map(int, form.size)
-    vertices = character.vertices
-    return OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), form.view).camera((width, height))
 
 
 def trajectories_from_json(

@@ -12,6 +12,7 @@ from faceposer.api import checks
 from faceposer.api.motion import MotionMixin
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
 from faceposer.api.posing import PathName, PosingMixin
+from faceposer.api.sketching import SketchingMixin
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
@@ -58,7 +59,7 @@ def characters() -> list[str]:
     return [name for name, _ in available_characters()]
 
 
-class Face(PosingMixin, MotionMixin):
+class Face(PosingMixin, SketchingMixin, MotionMixin):
     """A face with its constraints and its pose.
 
     Constraints are added one by one; ``solve`` then finds the pose that satisfies all of them. Pixels are (u, v) from

@@ -60,12 +60,13 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from faceposer.animation.following import residuals, solve_trajectories
-    from faceposer.animation.trajectory_io import read_camera, read_trajectories
+    from faceposer.animation.trajectory_io import read_trajectories
     from faceposer.cli.opening import print_notes
     from faceposer.geometry.marker_map import read_marker_map
     from faceposer.interchange.formats import write
     from faceposer.render.options import OutputOptions
     from faceposer.session.opening import load_model
+    from faceposer.solve.camera_io import read_camera
     from faceposer.solve.problem import RECORDED_SPREAD
 
     model = load_model(options.character)

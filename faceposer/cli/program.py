@@ -19,6 +19,7 @@ from faceposer.cli import (
     export,
     photo,
     render,
+    sketch,
     solve,
     train,
     transfer,
@@ -58,6 +59,7 @@ COMMANDS: tuple[Command, ...] = (
     animate,
     transfer,
     photo,
+    sketch,
     export,
     evaluate,
 )
@@ -83,6 +85,8 @@ examples:
                                              transfer an expression or an animation to another character
   faceposer photo woman face.jpg --pins pins.json -o face.json
                                              pose a face from a photo
+  faceposer sketch man strokes.json -o drawn.json
+                                             pose a face by drawn features
   faceposer evaluate -o DIR                  compare the prior with other techniques on unseen expressions
 
 See 'faceposer COMMAND --help' for the options of a command."""

@@ -49,7 +49,7 @@ class Router:
                 self._context.files.quit()
 
     def update(self) -> None:
-        """Update the hovered point of the face when the face or the view changes under the pointer."""
+        """Update the hovered point of the face when face, view or tool change under the pointer."""
         context, pointer = self._context, self._pointer
         if context.toolbox.active:
             self._hovered = None
@@ -64,6 +64,7 @@ class Router:
             context.session.revision,
             context.viewport.view,
             context.viewport.size,
+            context.toolbox.chosen,
         )
         if state == self._hovered:
             return

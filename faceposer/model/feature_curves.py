@@ -108,6 +108,21 @@ FEATURES: Mapping[str, Feature] = {
 }
 
 
+def _mirrored_points() -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for feature in FEATURES.values():
+        for chain, other in zip(feature.chains, FEATURES[feature.mirror].chains, strict=True):
+            if feature.mirror != feature.name:
+                pairs.update(zip(chain, other, strict=True))
+            elif not feature.closed:
+                pairs.update(zip(chain, reversed(chain), strict=True))
+    return pairs
+
+
+#: Feature points of the drawable features with their images on the other side of the face.
+MIRRORED_POINTS: Mapping[str, str] = _mirrored_points()
+
+
 @dataclass(frozen=True, eq=False)
 class FeatureCurve:
     """The curve along one chain of feature points of a character.

@@ -26,6 +26,7 @@ from faceposer.session.character_version import CharacterVersion, CharacterVersi
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
+from faceposer.solve.constraints.sketch import SketchConstraint, SketchMethod
 from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import SPREAD
@@ -68,6 +69,8 @@ class Document:
             constraints may omit it: its pose is then the start.
         prior: "regions" for a prior per region of the face, "whole" for one of the whole face, "plain" for the learned
             mixture, independent of the start.
+        sketch_method: "map" if sketches are constraints like the others; "paper" if the statistical mapping of the
+            paper replaces the start for the other constraints.
         spread: Share of the face that follows a constraint, from 0, as little as possible, to 1, the whole face.
         solved: True if the pose is the solution for the constraints, False if they have changed since.
         camera: Last view of the document, or None.
@@ -94,6 +97,7 @@ class Document:
     frame: int = 0
     animated: bool = False
     contact: bool = True
+    sketch_method: SketchMethod = "map"
     made_on: MadeOn | None = None
 
     def posed(self, coefficients: ArrayLike) -> "Document":
@@ -130,8 +134,10 @@ class Document:
 
     def same_face(self, other: "Document") -> bool:
         """Return True if both define the same face: character, constraints, start and prior are equal."""
-        mine = (self.character, self.constraints, self.prior_weight, self.prior, self.spread)
-        theirs = (other.character, other.constraints, other.prior_weight, other.prior, other.spread)
+        mine, theirs = (
+            (one.character, one.constraints, one.prior_weight, one.prior, one.spread, one.sketch_method)
+            for one in (self, other)
+        )
         return mine == theirs and _same_pose(self.start, other.start)
 
     def same_unconstrained_pose(self, other: "Document") -> bool:
@@ -153,6 +159,8 @@ class Document:
             data["prior"] = self.prior
         if self.spread != SPREAD:
             data["spread"] = self.spread
+        if self.sketch_method != "map":
+            data["sketch_method"] = self.sketch_method
         data |= self._poses_to_json()
         if not self.contact:
             data["contact"] = False
@@ -221,6 +229,7 @@ class Document:
             spread=form.spread,
             photos=tuple(photo.photo() for photo in form.photos),
             contact=form.contact,
+            sketch_method=form.sketch_method,
         )
         _check_effort(document.constraints)
         if form.start is not UNSET:
@@ -273,10 +282,10 @@ def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo
 
 
 def _check_effort(constraints: Sequence[Constraint]) -> None:
-    """Raise a FacePoserError if strokes and curves are too many, or cover too many pixels, to be solved."""
-    drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint) for c in constraints)
+    """Raise a FacePoserError if strokes, curves and sketches are too many, or cover too many pixels, to be solved."""
+    drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint | SketchConstraint) for c in constraints)
     if drawn > _MAX_DRAWN:
-        raise FacePoserError(f"constraints has {drawn} strokes and curves; there may be {_MAX_DRAWN}.")
+        raise FacePoserError(f"constraints has {drawn} strokes, curves and sketches; there may be {_MAX_DRAWN}.")
     if sum(c.effort for c in constraints if isinstance(c, StrokeConstraint)) > MOST_EFFORT:
         raise FacePoserError(f"the strokes of constraints must not cover more than {MOST_PIXELS} pixels together.")
 
@@ -322,6 +331,7 @@ class _SessionFile(JsonDocument, kw_only=True):
     prior_weight: Annotated[float, Meta(ge=0.0, le=_MAX_PRIOR_WEIGHT)] = 1.0
     prior: Prior = "regions"
     spread: Annotated[float, Meta(ge=0.0, le=1.0)] = SPREAD
+    sketch_method: SketchMethod = "map"
     coefficients: list[codec.Coordinate] | UnsetType = UNSET
     start: list[codec.Coordinate] | UnsetType = UNSET
     contact: bool = True

@@ -10,6 +10,7 @@ from faceposer.photo.photo import Photo
 from faceposer.photo.places import anchor_of
 from faceposer.photo.posing import expression_constraints
 from faceposer.session.document import Document
+from faceposer.session.sketching import solver_input
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
@@ -45,7 +46,8 @@ def pose_from_photo(document: Document, model: FaceModel, photo: Photo) -> Docum
         ValueError: If the photo has no camera yet.
     """
     pinned = {anchor_of(pin.place, model.character) for pin in photo.pins}
-    added = expression_constraints(photo, model, document.start, document.prior_weight, document.prior, document.spread)
+    start = solver_input(model, document)[1]
+    added = expression_constraints(photo, model, start, document.prior_weight, document.prior, document.spread)
     kept = [constraint for constraint in document.constraints if not _is_from_pin(constraint, photo, pinned)]
     # A document has at most one gaze constraint: a locked one is kept, any other is replaced.
     if any(isinstance(constraint, GazeConstraint) for constraint in kept if constraint.locked):

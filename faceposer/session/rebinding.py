@@ -12,12 +12,14 @@ from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import FEATURES
 from faceposer.model.shape_names import weight_map
 from faceposer.photo.photo import Photo, Pin
 from faceposer.session.character_version import CharacterVersion
 from faceposer.session.document import Document, MadeOn
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.sketch import SketchConstraint
 
 Array = NDArray[np.float64]
 
@@ -63,7 +65,7 @@ def rebind(document: Document, model: FaceModel) -> Rebinding:
     poses = _PoseConverter(model, made_on.version)
     document = _without_unusable_pose(poses.convert(document, made_on), model)
     if made_on.version.same_topology(CharacterVersion.of(model.character)):
-        document = _with_shifted_neutral(document, model)
+        document, remarks = _with_shifted_neutral(document, model)
     else:
         document, remarks = _reattached(document, model, made_on.version)
     if poses.converted:
@@ -169,11 +171,17 @@ class _PoseConverter:
         return converted
 
 
-def _with_shifted_neutral(document: Document, model: FaceModel) -> Document:
-    """Return a document for a mesh of the same topology, with fixed positions moved with the neutral face."""
+def _with_shifted_neutral(document: Document, model: FaceModel) -> tuple[Document, list[str]]:
+    """Return a document for a mesh of the same topology, with fixed positions moved with the neutral face, and remarks.
+
+    Sketches of features that the character no longer has are removed.
+    """
     constraints: list[Constraint] = []
-    for constraint in document.constraints:
-        if isinstance(constraint, FixedConstraint) and constraint.rest is not None:
+    removed: list[str] = []
+    for i, constraint in enumerate(document.constraints):
+        if _lacks_feature(constraint, model):
+            removed.append(_title(i, constraint))
+        elif isinstance(constraint, FixedConstraint) and constraint.rest is not None:
             constraint.points.check(model.triangles)
             shift = constraint.points.positions(model.character.vertices, model.triangles) - constraint.rest
             constraints.append(
@@ -181,7 +189,17 @@ def _with_shifted_neutral(document: Document, model: FaceModel) -> Document:
             )
         else:
             constraints.append(constraint.without_rest())
-    return replace(document, constraints=tuple(constraints))
+    return replace(document, constraints=tuple(constraints)), [_removal(removed)] if removed else []
+
+
+def _lacks_feature(constraint: Constraint, model: FaceModel) -> bool:
+    if not isinstance(constraint, SketchConstraint):
+        return False
+    return any(name not in model.character.feature_points for name in FEATURES[constraint.feature].points)
+
+
+def _removal(titles: Sequence[str]) -> str:
+    return f"removed, because their places no longer exist: {_listed(titles)}"
 
 
 def _reattached(document: Document, model: FaceModel, version: CharacterVersion) -> tuple[Document, list[str]]:
@@ -198,7 +216,7 @@ def _reattached(document: Document, model: FaceModel, version: CharacterVersion)
     if surface.doubtful:
         remarks.append(f"the places of {_listed(surface.doubtful)} may be wrong")
     if surface.removed:
-        remarks.append(f"removed, because their places no longer exist: {_listed(surface.removed)}")
+        remarks.append(_removal(surface.removed))
     return replace(document, constraints=kept, photos=photos, camera=camera), remarks
 
 
@@ -226,6 +244,9 @@ class _Surface:
     def constraint(self, index: int, constraint: Constraint) -> Constraint | None:
         """Return constraint ``index`` on the surface, or None if its places do not exist."""
         places, title = constraint.places, _title(index, constraint)
+        if _lacks_feature(constraint, self._model):
+            self.removed.append(title)
+            return None
         if places is None:
             return constraint.rebound(None, self.frame, np.zeros((0, 3)))
         if constraint.rest is None:

@@ -1,9 +1,11 @@
-"""JSON report of a solve."""
+"""JSON reports of a solve and of recognised strokes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
+from faceposer.sketch.recognition import Recognition
 from faceposer.solve.map_solver import Solution
 from faceposer.solve.weight_fit import fit_weights
 
@@ -20,5 +22,25 @@ def solve_report(model: FaceModel, document: Document, solution: Solution) -> di
         "constraints": [
             {"type": constraint.kind, "residual_px": residual}
             for constraint, residual in zip(document.constraints, solution.residuals_px, strict=True)
+        ],
+    }
+
+
+def sketch_report(recognised: Sequence[Recognition], seconds: float) -> dict[str, Any]:
+    """Return the report of ``recognised`` strokes, for JSON (docs/sketching-files.md), after ``seconds`` of work."""
+    return {"strokes": [_stroke_report(found) for found in recognised], "seconds": seconds}
+
+
+def _stroke_report(found: Recognition) -> dict[str, Any]:
+    best, other = found.best, found.runner_up
+    nothing = max(0.0, 1.0 - sum(candidate.probability for candidate in found.candidates))
+    points = () if best is None else best.points
+    return {
+        "feature": None if best is None else best.feature,
+        "probability": nothing if best is None else best.probability,
+        "runner_up": None if other is None else other.feature,
+        "points": [
+            {"feature_point": point.feature_point, "pixel": list(point.pixel), "probability": point.probability}
+            for point in points
         ],
     }

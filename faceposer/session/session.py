@@ -22,6 +22,7 @@ from faceposer.session.history import History
 from faceposer.session.saved_state import SavedState
 from faceposer.session.solver_worker import InlineWorker, SolveRequest, Worker
 from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.sketch import SketchMethod
 from faceposer.solve.map_solver import Solution, SolveError
 from faceposer.solve.priors import Prior
 
@@ -241,6 +242,12 @@ class Session:
         """Change the kind of the prior, as one step."""
         with self.edit("Change the prior"):
             self.replace(replace(self._document, prior=prior))
+
+    def set_sketch_method(self, method: SketchMethod) -> None:
+        """Change how sketches determine the face, as one step."""
+        if method != self._document.sketch_method:
+            with self.edit("Change the method of sketches"):
+                self.replace(replace(self._document, sketch_method=method))
 
     def set_contact(self, contact: bool) -> None:
         """Turn the contact step on or off, as one step; the pose remains unchanged."""

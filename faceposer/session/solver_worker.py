@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
+from faceposer.session.sketching import pose_problem
 from faceposer.solve.map_solver import Solution, numeric_errors, prepare, solve
-from faceposer.solve.problem import PoseProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,17 +75,8 @@ class Worker(Protocol):
 def run_job(job: SolveRequest, should_stop: Callable[[], bool] | None = None) -> SolveResult:
     """Solve ``job``; an exception becomes part of the result."""
     try:
-        document = job.document
         with numeric_errors():
-            problem = PoseProblem(
-                job.model,
-                document.constraints,
-                document.start,
-                document.prior_weight,
-                prior=document.prior,
-                spread=document.spread,
-            )
-            return SolveResult(job, solve(problem, job.x0, should_stop=should_stop))
+            return SolveResult(job, solve(pose_problem(job.model, job.document), job.x0, should_stop=should_stop))
     except Exception as error:  # raised again in the thread that polls
         return SolveResult(job, None, error)
 

@@ -33,6 +33,7 @@ def transferred(
         frame=document.frame,
         animated=False,
         contact=document.contact,
+        sketch_method=document.sketch_method,
     )
     keyframes, pose = document.keyframes, None
     if keyframes is not None:

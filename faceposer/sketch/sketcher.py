@@ -14,6 +14,7 @@ from faceposer.sketch.paper_pose import PaperPose
 from faceposer.sketch.paper_recognition import PaperRecogniser
 from faceposer.sketch.recognition import DrawnStroke, Recogniser, Recognition
 from faceposer.sketch.training_poses import MANY_POSES, TrainingPoses
+from faceposer.sketch.whole_stroke import WholeStrokeRecogniser
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -34,9 +35,12 @@ class Sketched(Protocol):
 
 
 #: Methods of recognition by name: each is fitted to the model and its training poses. A further method is added here.
-RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {"paper": PaperRecogniser}
+RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {
+    "ours": WholeStrokeRecogniser.of,
+    "paper": PaperRecogniser,
+}
 #: The method that is used if none is named.
-DEFAULT_RECOGNITION = "paper"
+DEFAULT_RECOGNITION = "ours"
 
 
 class Sketcher:

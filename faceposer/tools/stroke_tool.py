@@ -65,7 +65,7 @@ class StrokeTool(PosingTool):
             if isinstance(constraint, StrokeConstraint) and not constraint.locked and i not in context.unmarked:
                 seen = pixels_in_view(constraint.target, constraint.camera, context.camera)
                 reach = _REACH * context.ui_scale + constraint.width / 2.0
-                if seen is not None and _distance_to_line(position, seen) <= reach:
+                if seen is not None and distance_to_line(position, seen) <= reach:
                     return i
         return None
 
@@ -215,7 +215,7 @@ def pixels_in_view(pixels: Pixels, camera: Camera, view: Camera) -> NDArray[np.f
     return np.asarray(pixels, dtype=np.float64) * (view.focal / camera.focal) + origin
 
 
-def _distance_to_line(position: Pixel, line: NDArray[np.float64]) -> float:
+def distance_to_line(position: Pixel, line: NDArray[np.float64]) -> float:
     """Return the distance of ``position`` from the polyline ``line``, shape (n, 2)."""
     begin, end = line, np.concatenate([line[1:], line[-1:]])
     along = end - begin

@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS
 from faceposer.session.document import Document
 from faceposer.session.session import Session
 from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.sketch import SketchConstraint
 
 # Shares of the head's height: the maximum distance of a point from the image of its partner, and the minimum distance
 # of a constraint from the middle to have a partner.
@@ -37,6 +39,8 @@ class Symmetry:
     def partner(self, document: Document, index: int, model: FaceModel) -> int | None:
         """Return the index of the mirror partner of constraint ``index``, or None."""
         constraint = document.constraints[index]
+        if isinstance(constraint, SketchConstraint):
+            return _partner_of_sketch(document, index, constraint)
         image = _image_positions(constraint, model)
         if image is None:
             return None
@@ -84,7 +88,7 @@ class Mirroring:
             return document
         for index in indices:
             constraint = document.constraints[index]
-            if _image_positions(constraint, self._model) is None:
+            if not _is_on_one_side(constraint, self._model):
                 continue
             partner = self.partner(document, index)
             if partner in indices:
@@ -100,6 +104,34 @@ class Mirroring:
             elif partner == len(document.constraints):
                 document = replace(document, constraints=(*document.constraints, image))
         return document
+
+
+def _is_on_one_side(constraint: Constraint, model: FaceModel) -> bool:
+    """Return True if ``constraint`` has a mirror image, other than itself."""
+    if isinstance(constraint, SketchConstraint):
+        names = {name for name, _ in constraint.matched}
+        sided = {name for name in names if MIRRORED_POINTS[name] != name}
+        return bool(sided) and not any(MIRRORED_POINTS[name] in names for name in sided)
+    return _image_positions(constraint, model) is not None
+
+
+def _partner_of_sketch(document: Document, index: int, sketch: SketchConstraint) -> int | None:
+    """Return the index of the sketch of the mirrored feature points, the newest one, or None."""
+    image = {MIRRORED_POINTS[name] for name, _ in sketch.matched}
+    for i, other in reversed(list(enumerate(document.constraints))):
+        if i == index or not isinstance(other, SketchConstraint):
+            continue
+        if other.feature == FEATURES[sketch.feature].mirror and {name for name, _ in other.matched} == image:
+            return i
+    return None
+
+
+def image_of(constraint: Constraint, session: Session) -> Constraint | None:
+    """Return the mirror image of ``constraint`` for the present pose of ``session``, or None if it has none."""
+    if not _is_on_one_side(constraint, session.model):
+        return None
+    image: Constraint | None = constraint.mirrored(surface_mirror(session.model), session.model, session.coefficients)
+    return image
 
 
 def _image_positions(constraint: Constraint, model: FaceModel) -> NDArray[np.float64] | None:

@@ -174,6 +174,7 @@ class PosingTool:
         cursor: Name of the mouse cursor over the view; see ``faceposer.gui.cursors``.
         drag_cursor: Mouse cursor during its gesture; "" for the same.
         drag_hint: Effect of the mouse during its gesture, for the status bar.
+        handle_hint: Effect of the mouse on a handle of the tool, for the status bar.
         handle_order: Priority among handles at the same place; the lowest is grabbed.
     """
 
@@ -185,6 +186,7 @@ class PosingTool:
     cursor = "press"
     drag_cursor = ""
     drag_hint = "Move: pull the face   ·   release: confirm   ·   Esc: cancel"
+    handle_hint = "Drag: edit the constraint   ·   right click: remove it"
     handle_order = 9
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -222,6 +224,10 @@ class PosingTool:
     def works_off_face(self) -> bool:
         """True if a press off the face has an effect as well."""
         return False
+
+    def works_at(self, position: tuple[float, float], context: ToolContext) -> bool:
+        """Return True if a press at ``position`` off the face has an effect as well."""
+        return self.works_off_face
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Return True if the press ``event`` starts a gesture of this tool."""

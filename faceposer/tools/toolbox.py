@@ -10,6 +10,7 @@ from faceposer.tools.fix_tool import FixTool
 from faceposer.tools.gaze_tool import GazeTool
 from faceposer.tools.photo_tool import PhotoTool
 from faceposer.tools.point_tool import PointTool
+from faceposer.tools.sketch_tool import SketchTool
 from faceposer.tools.stroke_tool import StrokeTool
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Button, Gesture, Hover, PointerEvent, PosingTool, Tool, ToolContext, ToolSettings
@@ -28,6 +29,7 @@ class Toolbox:
         self.point_tool = PointTool(self.tool_settings)
         self.distance_tool = DistanceTool(self.tool_settings)
         self.stroke_tool = StrokeTool(self.tool_settings)
+        self.sketch_tool = SketchTool(self.tool_settings)
         self.curve_tool = CurveTool(self.tool_settings)
         self.fix_tool = FixTool(self.tool_settings)
         self.gaze_tool = GazeTool(self.tool_settings)
@@ -36,14 +38,16 @@ class Toolbox:
             self.point_tool,
             self.distance_tool,
             self.stroke_tool,
+            self.sketch_tool,
             self.curve_tool,
             self.fix_tool,
             self.gaze_tool,
             self.trajectory_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
-        # Of several handles at the same place, the first tool's is grabbed.
-        self._by_handle = sorted(everything, key=lambda tool: tool.handle_order)
+        # Of several handles at the same place, the first tool's is grabbed. Sketches have none for the point tool.
+        with_handles = [tool for tool in everything if tool is not self.sketch_tool]
+        self._by_handle = sorted(with_handles, key=lambda tool: tool.handle_order)
         # Not listed with the others: it sets pins on photos, not constraints, and needs a photo.
         self.photo_tool = PhotoTool(self.tool_settings)
         self.chosen: PosingTool = self.point_tool
@@ -88,7 +92,8 @@ class Toolbox:
             return "arrow"
         if self.hover.pin is not None:
             return "grab"
-        return self.chosen.cursor if self.hover.surface or self.chosen.works_off_face else "arrow"
+        works = self.hover.surface or self.chosen.works_at(self.hover.position, self._context)
+        return self.chosen.cursor if works else "arrow"
 
     def choose(self, name: str) -> None:
         """Choose the tool ``name``; the unfinished edit of another tool is discarded."""
@@ -146,7 +151,8 @@ class Toolbox:
             return
         if self.chosen is self.point_tool:
             for tool in self.tools.values():
-                if tool is not self.stroke_tool and tool.remove_at(event.position, self._context):
+                drawn = tool is self.stroke_tool or tool is self.sketch_tool
+                if not drawn and tool.remove_at(event.position, self._context):
                     return
 
     def _begin(self, tool: Tool, event: PointerEvent) -> None:
@@ -286,7 +292,7 @@ class Toolbox:
             return "Locked: unlock it in the list to move or remove it   ·   click: select it"
         if self.chosen is not self.point_tool:
             if self.hover is not None and self.hover.pin is not None:
-                return "Drag: edit the constraint   ·   right click: remove it"
+                return self.chosen.handle_hint
             return self.chosen.hint(self._context)
         if self.hover is None:
             return "Drag on the face: pose it   ·   F1: all keys"

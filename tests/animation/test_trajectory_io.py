@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from faceposer.animation.trajectory_io import (
-    camera_from_json,
-    read_camera,
     read_trajectories,
     trajectories_from_json,
     trajectories_to_json,
@@ -22,6 +20,7 @@ from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.marker_map import MarkerMap
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
+from faceposer.solve.camera_io import camera_from_json, read_camera
 
 NAMES = ("8.3", "8.4", "2.10", "4.1")
 

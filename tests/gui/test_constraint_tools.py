@@ -15,7 +15,16 @@ from tests.windows import OpenWindow
 pytestmark = pytest.mark.gl
 
 LEFT, RIGHT, NOSE = "8.3", "8.4", "9.3"
-KEYS = {"point": "Q", "distance": "D", "stroke": "S", "curve": "K", "fix": "H", "gaze": "G", "trajectory": "J"}
+KEYS = {
+    "point": "Q",
+    "distance": "D",
+    "stroke": "S",
+    "sketch": "E",
+    "curve": "K",
+    "fix": "H",
+    "gaze": "G",
+    "trajectory": "J",
+}
 
 
 @pytest.fixture
@@ -65,6 +74,16 @@ def draw_stroke(robot: Robot) -> None:
     robot.drag(beside(begin, 0, 8), beside(end, 0, 8))
 
 
+def draw_sketch(robot: Robot) -> None:
+    robot.key("E")
+    places = [robot.at(name) for name in ("4.1", "4.3", "4.5")]
+    robot.move(beside(places[0], 0, -6))
+    robot.press()
+    for place in places[1:]:
+        robot.move(beside(place, 0, -6), 6)
+    robot.release()
+
+
 def draw_curve(robot: Robot) -> None:
     robot.key("K")
     begin, end = beside(robot.at(RIGHT), 0, -60), beside(robot.at(LEFT), 0, -60)
@@ -86,12 +105,13 @@ def make_all(robot: Robot) -> None:
     robot.key("D")
     robot.click_widget("measure:left eye height")
     draw_stroke(robot)
+    draw_sketch(robot)
     draw_curve(robot)
     robot.key("H")
     robot.click_widget("hold:Nose")
     turn_eyes(robot)
     robot.key("Q")
-    assert kinds(robot) == ["point", "distance", "stroke", "curve", "fixed", "gaze"]
+    assert kinds(robot) == ["point", "distance", "stroke", "sketch", "curve", "fixed", "gaze"]
 
 
 def test_each_tool_by_its_key_and_by_its_button(robot: Robot) -> None:

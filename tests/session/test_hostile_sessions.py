@@ -98,7 +98,7 @@ def test_a_large_source_is_thinned(tmp_path: Path) -> None:
 def test_counts_are_limited(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="constraints must be a list of at most 2000"):
         read_document(session_file(tmp_path, *[point()] * 2001))
-    with pytest.raises(FacePoserError, match="constraints has 501 strokes and curves; there may be 500"):
+    with pytest.raises(FacePoserError, match="constraints has 501 strokes, curves and sketches; there may be 500"):
         read_document(session_file(tmp_path, *[stroke()] * 501))
 
 
@@ -121,7 +121,7 @@ def test_what_has_no_finite_solution_is_said_and_the_pose_stays(
         raise np.linalg.LinAlgError("Singular matrix")
 
     path = session_file(tmp_path, point())
-    monkeypatch.setattr(solver_worker, "PoseProblem", fails)
+    monkeypatch.setattr(solver_worker, "pose_problem", fails)
     assert "The constraints cannot be solved, since their numbers are too large" in solved(path, capsys)
     session = Session(load_model("low"), read_document(path))
     assert not session.poll()

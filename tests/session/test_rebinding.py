@@ -29,6 +29,7 @@ from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
+from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import StrokeConstraint
 from tests.versions import renumbered
 
@@ -52,6 +53,10 @@ def pixel_of(model: FaceModel, points: SurfacePoints, camera: Camera) -> Any:
     return camera.project(model.positions_at(points, model.neutral()))
 
 
+def brow_ends(model: FaceModel) -> list[int]:
+    return [model.character.feature_points[name] for name in ("4.1", "4.5")]
+
+
 def all_kinds(model: FaceModel) -> tuple[Constraint, ...]:
     """Return a constraint of each kind, with anchors on triangles and at vertices."""
     camera = in_front(model)
@@ -65,6 +70,8 @@ def all_kinds(model: FaceModel) -> tuple[Constraint, ...]:
     curve = CurveConstraint(((u - 20, v), (u, v)), ((u - 20, v), (u, v - 6)), camera)
     fixed = FixedConstraint(SurfacePoints.at_vertices(lip))
     pose = model.coefficients_of(WEIGHTS)
+    ends = [tuple(pixel_of(model, SurfacePoints.at_vertices([v]), camera)[0].tolist()) for v in brow_ends(model)]
+    sketch = SketchConstraint(tuple(ends), camera, "left brow", (("4.1", ends[0]), ("4.5", ends[1])), weight=2.0)
     return (
         PointConstraint(on_face, (u, v - 6), camera, weight=0.5),
         PointConstraint(brow, (10.0, 20.0), camera, locked=True),
@@ -73,6 +80,7 @@ def all_kinds(model: FaceModel) -> tuple[Constraint, ...]:
         curve.resolved(model, model.neutral()),
         fixed.resolved(model, pose),
         GazeConstraint((10.0, 5.0)),
+        sketch.resolved(model, pose),
     )
 
 
@@ -156,6 +164,33 @@ def test_places_are_found_again_in_another_order_of_the_mesh(tmp_path: Path) -> 
     pins = session.document.photos[0].pins
     assert [pin.pixel for pin in pins] == [(3.0, 4.0), (5.0, 6.0), (7.0, 8.0)]
     assert pins[0].place == "8.3"
+
+
+def test_sketches_find_their_feature_again(tmp_path: Path) -> None:
+    path, old = saved(tmp_path, renumbered)
+    session = open_session(str(path))
+    sketch, made = session.document.constraints[-1], all_kinds(old)[-1]
+    assert isinstance(sketch, SketchConstraint)
+    assert sketch == made
+    there, where = (
+        one.points.positions(model.character.vertices, model.triangles)
+        for one, model in ((sketch, session.model), (made, old))
+    )
+    np.testing.assert_allclose(there, where, atol=2e-2)
+
+
+def test_sketches_of_a_feature_that_is_gone_are_removed_and_named(tmp_path: Path) -> None:
+    def browless(character: Character) -> Character:
+        points = {name: vertex for name, vertex in character.feature_points.items() if name != "4.3"}
+        titles = {name: title for name, title in character.feature_titles.items() if name in points}
+        return replace(character, feature_points=points, feature_titles=titles)
+
+    for change in (browless, lambda character: browless(renumbered(character))):
+        path, _ = saved(tmp_path, change)
+        session = open_session(str(path))
+        assert "sketch" not in {one.kind for one in session.document.constraints}
+        assert "removed, because their places no longer exist: constraints[7] (sketch)" in session.remark
+        path.unlink()
 
 
 def test_poses_come_back_by_the_weights_of_their_shapes(tmp_path: Path) -> None:
@@ -280,7 +315,7 @@ def test_places_without_rest_positions_on_another_version(tmp_path: Path) -> Non
     session = open_session(str(path))
     assert "2 points were reattached by position" in session.remark, "those of the photo"
     assert "the places of constraints[0] (point), constraints[1] (point)" in session.remark
-    assert len(session.document.constraints) == 7
+    assert len(session.document.constraints) == 8
 
 
 def test_places_that_the_character_has_no_more_are_left_out(tmp_path: Path) -> None:
@@ -290,7 +325,7 @@ def test_places_that_the_character_has_no_more_are_left_out(tmp_path: Path) -> N
     data["constraints"][0]["anchor"] = {"face": len(old.triangles) + 7, "barycentric": [1, 0, 0]}
     path.write_text(json.dumps(data))
     session = open_session(str(path))
-    assert len(session.document.constraints) == 6
+    assert len(session.document.constraints) == 7
     assert "removed, because their places no longer exist: constraints[0] (point)" in session.remark
 
 

@@ -11,12 +11,14 @@ from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.curves import curve_at, relaxed_bezier
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import FEATURES
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import CONSTRAINTS, constraint_from_json
+from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import StrokeConstraint, as_pixels
 from faceposer.solve.constraints.stroke_terms import StrokeDistanceTerm, StrokeImageTerm
 from faceposer.solve.problem import PoseProblem
@@ -68,6 +70,15 @@ def random_gaze(model: FaceModel, rng: np.random.Generator) -> GazeConstraint:
     return GazeConstraint((yaw, pitch))
 
 
+def random_sketch(model: FaceModel, rng: np.random.Generator) -> SketchConstraint:
+    camera, feature = random_point(model, rng).camera, rng.choice(list(FEATURES))
+    stroke = as_pixels(rng.uniform(300, 500, 2) + np.cumsum(rng.uniform(-4, 10, (30, 2)), axis=0))
+    names = FEATURES[feature].points
+    matched = tuple((names[i], stroke[10 * i]) for i in sorted(rng.choice(3, 2, replace=False)))
+    sketch = SketchConstraint(stroke, camera, feature, matched, weight=rng.uniform(0.5, 2))
+    return sketch.resolved(model, model.neutral())
+
+
 def central_differences(function: Callable[[np.ndarray], float], p: np.ndarray, step: float = 1e-6) -> np.ndarray:
     steps = step * np.eye(len(p))
     return np.array([(function(p + s) - function(p - s)) / (2 * step) for s in steps])
@@ -93,6 +104,7 @@ MAKERS = {
     "curve": random_curve,
     "fixed": random_fixed,
     "gaze": random_gaze,
+    "sketch": random_sketch,
 }
 
 
@@ -248,6 +260,14 @@ def test_fixed_points_cost_the_same_however_many(model: FaceModel) -> None:
         ("fixed", {"positions": [[0, 0, 0]]}, "positions must be a list of 40 positions"),
         ("fixed", {"anchors": []}, "anchors must be a list of 1 to"),
         ("gaze", {"direction": [1]}, "direction must be a list of 2 numbers"),
+        ("sketch", {"stroke": [[1, 2]]}, "stroke must be a list of 2 to 10000 pixels"),
+        ("sketch", {"stroke": [[1, 2], [1, 2]]}, "stroke must have a length"),
+        ("sketch", {"stroke": [[1, 2], [1, float("inf")]]}, r"stroke\[1\]\[1\] must be a number"),
+        ("sketch", {"feature": "left eyebrow"}, "feature must be the name of a feature: left brow, right brow"),
+        ("sketch", {"points": []}, "points must be a list of 1 to 32"),
+        ("sketch", {"points": [{"feature_point": "9.9", "pixel": [1, 2]}]}, "points must name feature points of the"),
+        ("sketch", {"points": [{"feature_point": "4.1"}]}, r"points\[0\] lacks the key 'pixel'"),
+        ("sketch", {"anchors": []}, "has the unknown key 'anchors'"),
         ("gaze", {"locked": 1}, "locked must be true or false"),
     ],
 )

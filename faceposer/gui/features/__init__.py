@@ -15,6 +15,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.preferences.feature import PreferencesFeature
     from faceposer.gui.features.range_marks.feature import RangeMarksFeature
     from faceposer.gui.features.recovery.feature import RecoveryFeature
+    from faceposer.gui.features.sketch.feature import SketchFeature
     from faceposer.gui.features.timeline.feature import TimelineFeature
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
     from faceposer.gui.features.transfer.feature import TransferFeature
@@ -29,6 +30,7 @@ def build_features(context: EditorContext) -> Features:
         ImportCharacterFeature,
         ExportFeature,
         RangeMarksFeature,
+        SketchFeature,
         PreferencesFeature,
         GuideFeature,
         RecoveryFeature,

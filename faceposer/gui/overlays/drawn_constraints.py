@@ -10,8 +10,8 @@ from faceposer.gui.viewport import Viewport
 from faceposer.render.scene import Scene
 from faceposer.session.place_names import PointNames
 from faceposer.session.session import Session
+from faceposer.session.sketching import pose_problem
 from faceposer.solve.conflicts import find_conflicts
-from faceposer.solve.problem import PoseProblem
 from faceposer.solve.reach import HARDLY_MOVES
 from faceposer.tools.toolbox import Toolbox
 
@@ -81,15 +81,7 @@ class DrawnConstraints:
         if self._busy() or not document.solved:
             return {}
         if session.revision != self._conflicts[0]:
-            problem = PoseProblem(
-                session.model,
-                document.constraints,
-                document.start,
-                document.prior_weight,
-                prior=document.prior,
-                spread=document.spread,
-            )
-            found = find_conflicts(problem, session.coefficients)
+            found = find_conflicts(pose_problem(session.model, document), session.coefficients)
             texts = {}
             for conflict in found:
                 if conflict.mobility is not None and conflict.mobility < HARDLY_MOVES:

@@ -22,6 +22,7 @@ TOOL_ICONS = {
     "distance": Icon.DISTANCE,
     "stroke": Icon.STROKE,
     "curve": Icon.CURVE,
+    "sketch": Icon.SKETCH,
     "fix": Icon.FIX,
     "gaze": Icon.GAZE,
     "trajectory": Icon.PATH,

@@ -12,6 +12,7 @@ _TURN = 50
 # Widgets that edit the session or its tools; others open files, menus or dialogs.
 _WIDGETS = (
     *("tool-", "symmetry", "point:", "detail:", "hold", "measure:", "shape", "weight", "prior:", "mode:", "tab:"),
+    *("sketch-method", "sketch-name", "sketch:", "feature:"),
     *("fix", "brush", "energy:", "curve:", "redraw", "stroke-energy:", "delete", "clear", "its-view"),
     *("track", "play", "set-key", "next-key", "loop", "auto-key", "length", "timing", "follow"),
 )
@@ -126,6 +127,8 @@ class RandomUser:
         self.step()
         if tool == "curve":
             self.draw_curve()
+        if tool == "sketch":
+            self.draw_brow()
 
     def draw_curve(self) -> None:
         """Click the points of a curve over the face and accept it, which chance seldom brings together."""
@@ -142,6 +145,22 @@ class RandomUser:
         for kind in ("press", "release"):
             self.app.window.play_key("Enter", kind, frozenset())
             self.step()
+
+    def draw_brow(self) -> None:
+        """Draw a brow, higher or lower than it is, since chance seldom draws a feature."""
+        app = self.app
+        ids = app.session.model.character.feature_points
+        names = [name for name in ("4.1", "4.3", "4.5") if name in ids]
+        (x, y), offset = app.viewport.origin, float(self.rng.uniform(-12, 8))
+        places = app.viewport.camera.project(app.scene.vertices[[ids[name] for name in names]]) + (x, y + offset)
+        for i, (u, v) in enumerate(places.tolist()):
+            app.window.play_move(u, v)
+            self.step()
+            if i == 0:
+                app.window.play_button("left", True, frozenset())
+                self.step()
+        app.window.play_button("left", False, frozenset())
+        self.step()
 
     def rest(self) -> None:
         """Let go of everything."""

@@ -59,6 +59,7 @@ class Icon:
     DISTANCE = "\uf07d"
     STROKE = "\uf1fc"
     CURVE = "\uf55b"
+    SKETCH = "\uf304"
     FIX = "\uf08d"
     GAZE = "\uf05b"
     SYMMETRY = "\uf07e"
@@ -73,6 +74,7 @@ class Icon:
     LOOP = "\uf363"
     KEY = "\uf219"
     PATH = "\uf4d7"
+    LIST = "\uf0d7"
 
 
 def u32(colour: Colour, alpha: float = 1.0) -> int:

@@ -35,6 +35,10 @@ class WidgetRects:
         if name != _CANVAS and seen[0] < seen[2] and seen[1] < seen[3]:
             self._visible[name] = (window.root_window.id_, seen)
 
+    def place(self, name: str, rectangle: Rectangle) -> None:
+        """Record ``rectangle``, drawn over the view without a widget, as ``name``."""
+        self._rectangles[name] = rectangle
+
     def pressable(self, window: int | None = None) -> list[Rectangle]:
         """Return the visible parts of all widgets, or of those in the root window with the id ``window``."""
         return [rect for owner, rect in self._visible.values() if window in (None, owner)]

@@ -17,10 +17,11 @@ from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_p
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
+from faceposer.solve.constraints.across_along import AcrossAlongTerm
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
 from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
-from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+from faceposer.solve.term import Array, Indices, Term
 
 MOST_POINTS = 64
 # Points of the face per piece of the curve.
@@ -215,7 +216,7 @@ class CurveConstraint(ConstraintBase):
         return cls(form.source, form.target, form.camera.camera(), anchors, parameters, **form.switches)
 
 
-class CurveTerm(ResidualTerm):
+class CurveTerm(AcrossAlongTerm):
     """w C / (m sigma^2) sum over i of (n_i . (y_i - z_i))^2 + a (t_i . (y_i - z_i))^2, for C control points.
 
     z_i is the point of the target with the parameter of y_i on the source, t_i its tangent and n_i its normal. The
@@ -224,22 +225,6 @@ class CurveTerm(ResidualTerm):
 
     def __init__(self, constraint: CurveConstraint, points: Indices) -> None:
         """Prepare the term for ``constraint``; ``points`` are the indices of its points in the state."""
-        self._points = points
-        self._targets, tangents = constraint.targets
-        normals = tangents[:, ::-1] * (-1.0, 1.0)
-        self._frames = np.stack([normals, tangents], axis=1)
         scale = constraint.weight * len(constraint.source) / (len(points) * SIGMA_PX**2)
-        super().__init__(np.tile([scale, scale * _ALONG], len(points)))
-
-    def residual(self, state: PoseState) -> Array:
-        """Return the offsets across and along the target, shape (2 m,)."""
-        return np.einsum("mij,mj->mi", self._frames, state.pixels[self._points] - self._targets).ravel()
-
-    def jacobian(self, state: PoseState) -> Array:
-        """Return the derivatives of the offsets, shape (2 m, r)."""
-        jacobian = self._frames @ state.pixel_jacobian(self._points)
-        return jacobian.reshape(-1, jacobian.shape[-1])
-
-    def pull_back(self, state: PoseState, by_residual: Array) -> Array:
-        """Return jacobian^T ``by_residual``, shape (r,)."""
-        return state.pull_back(self._points, np.einsum("mij,mi->mj", self._frames, by_residual.reshape(-1, 2)))
+        across = np.full(len(points), scale)
+        super().__init__(points, *constraint.targets, across, _ALONG * across)

@@ -19,6 +19,7 @@ from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
+from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.solve.term import Array, Indices, Term
 
@@ -134,6 +135,7 @@ CONSTRAINTS: dict[str, type[Constraint]] = {
         CurveConstraint,
         FixedConstraint,
         GazeConstraint,
+        SketchConstraint,
     )
 }
 

@@ -14,6 +14,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.overlays.pins import draw_label
 from faceposer.gui.widgets.theme import EDGE, INK, WARNING, u32
+from faceposer.session.sketching import active_sketches, solver_input
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.reach import HARDLY_MOVES, Reach, reach_of
 from faceposer.tools.tool import Hover
@@ -163,14 +164,16 @@ class RangeMarksFeature(Feature):
     def _start_key(self) -> tuple[object, ...]:
         document = self.context.session.document
         gazes = tuple(c for c in document.constraints if c.kind == "gaze")
-        return (self.context.session.model, id(document.start), gazes)
+        sketches = active_sketches(document) if document.sketch_method == "paper" else ()
+        return (self.context.session.model, id(document.start), gazes, sketches)
 
     def _start_pose(self) -> Array:
         """Return the starting pose of drags, shape (r,), with the eyes at their gaze."""
         key = self._start_key()
         if self._start is None or self._start[0] != key:
             session = self.context.session
-            pose = session.model.neutral() if session.document.start is None else session.document.start
+            given = solver_input(session.model, session.document)[1]
+            pose = session.model.neutral() if given is None else given
             for constraint in session.document.constraints:
                 if constraint.enabled:
                     pose = constraint.offset_start(session.model, pose)

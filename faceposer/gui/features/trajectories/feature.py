@@ -24,6 +24,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
+from faceposer.session.sketching import solver_input
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import RECORDED_SPREAD, SPREAD
@@ -242,8 +243,9 @@ class TrajectoriesFeature(Feature):
         """
         session = self.context.session
         document = session.document
-        constraints = tuple(c for c in document.constraints if c.enabled)
-        start = session.model.neutral() if document.start is None else document.start
+        given, sketched = solver_input(session.model, document)
+        constraints = tuple(c for c in given if c.enabled)
+        start = session.model.neutral() if sketched is None else sketched
         request = TrajectoryRequest(
             session.model,
             trajectories,

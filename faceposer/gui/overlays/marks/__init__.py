@@ -3,7 +3,7 @@
 A kind without an entry is drawn as dots at its points. Point constraints are drawn as pins (``overlays/pins.py``).
 """
 
-from faceposer.gui.overlays.marks import curve, distance, fixed, gaze, stroke
+from faceposer.gui.overlays.marks import curve, distance, fixed, gaze, sketch, stroke
 from faceposer.gui.overlays.marks.mark import Mark, MarkMaker, MarkView
 from faceposer.solve.constraints.registry import Constraint
 
@@ -13,6 +13,7 @@ MARKS: dict[str, MarkMaker | None] = {
     "point": None,
     "fixed": fixed.mark_of,
     "stroke": stroke.mark_of,
+    "sketch": sketch.mark_of,
     "curve": curve.mark_of,
     "distance": distance.mark_of,
     "gaze": gaze.mark_of,

@@ -6,7 +6,7 @@ from typing import Any
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.panels.details import distance, fixed, gaze, stroke
+from faceposer.gui.panels.details import distance, fixed, gaze, sketch, stroke
 from faceposer.gui.panels.details.sliders import weight_slider
 from faceposer.gui.widgets.theme import WARNING
 from faceposer.gui.widgets.tooltips import tooltip
@@ -14,6 +14,7 @@ from faceposer.gui.widgets.tooltips import tooltip
 DETAILS: dict[str, Callable[[EditorContext, int, Any], None]] = {
     "distance": distance.draw,
     "stroke": stroke.draw,
+    "sketch": sketch.draw,
     "fixed": fixed.draw,
     "gaze": gaze.draw,
 }

@@ -1,0 +1,94 @@
+"""Drawn features from Python: a mixin of ``Face``."""
+
+from typing import Protocol
+
+import numpy as np
+
+from faceposer.api import checks
+from faceposer.api.places import Pixels, pixels_of
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import FEATURES
+from faceposer.session.session import Session
+from faceposer.session.sketch_strokes import add_stroke
+from faceposer.sketch.recognition import DrawnStroke, Recognition
+from faceposer.sketch.sketcher import DEFAULT_RECOGNITION, RECOGNISERS
+from faceposer.solve.constraints.base import LARGEST_WEIGHT
+from faceposer.solve.constraints.codec import LARGEST_PIXEL
+from faceposer.solve.constraints.sketch import MOST_STROKE_POINTS, SKETCH_METHODS, SketchMethod
+
+
+class _Face(Protocol):
+    """Members of ``Face`` that this mixin uses."""
+
+    session: Session
+
+    @property
+    def model(self) -> FaceModel: ...
+
+    def _checked_camera(self, camera: Camera | None) -> Camera: ...
+
+
+class SketchingMixin:
+    """Methods of ``Face`` for drawn features."""
+
+    session: Session
+
+    def sketch(
+        self: _Face,
+        stroke: Pixels,
+        feature: str | None = None,
+        camera: Camera | None = None,
+        recognition: str | None = None,
+        weight: float = 1.0,
+    ) -> Recognition:
+        """Add a sketch: the feature that ``stroke`` depicts takes its shape (docs/sketching-files.md).
+
+        An earlier sketch that the stroke covers by more than half is replaced.
+
+        Args:
+            stroke: Pixels along the stroke in the order of drawing, shape (n, 2).
+            feature: Name of the feature, such as "left brow"; recognised if None.
+            camera: The view in which it is drawn.
+            recognition: Method that recognises the feature, "ours" or "paper"; the default if None.
+            weight: Factor on the energy of the constraint.
+
+        Returns:
+            The recognition: ``best`` has the feature and its points, and the constraint is the last of ``constraints``.
+
+        Raises:
+            FacePoserError: If the stroke depicts no feature.
+        """
+        character = self.model.character
+        checks.number(weight, 0.0, LARGEST_WEIGHT, "The weight of a constraint")
+        pixels = pixels_of(stroke)
+        if not 2 <= len(pixels) <= MOST_STROKE_POINTS:
+            raise FacePoserError(f"A stroke must have from 2 to {MOST_STROKE_POINTS} points, not {len(pixels)}.")
+        if np.abs(pixels).max() > LARGEST_PIXEL:
+            raise FacePoserError(f"The pixels of a stroke must be from {-LARGEST_PIXEL:g} to {LARGEST_PIXEL:g}.")
+        if feature is not None:
+            checks.one_of(feature, tuple(FEATURES), "A feature")
+            missing = [name for name in FEATURES[feature].points if name not in character.feature_points]
+            if missing:
+                raise FacePoserError(
+                    f"'{character.title}' has no {feature}: it lacks the feature points {', '.join(missing)}."
+                )
+        method = checks.one_of(recognition or DEFAULT_RECOGNITION, tuple(RECOGNISERS), "A method of recognition")
+        drawn = DrawnStroke(np.array(pixels), self._checked_camera(camera), feature)
+        found, sketch = add_stroke(self.session, drawn, method, weight)
+        if sketch is None and feature is not None:
+            raise FacePoserError(f"The stroke cannot be a {feature}: it does not match its feature points.")
+        if sketch is None:
+            guess = f"; if it is a {found.candidates[0].feature}, say so with 'feature'" if found.candidates else ""
+            raise FacePoserError(f"The stroke depicts no feature of the face{guess}.")
+        return found
+
+    @property
+    def sketch_method(self) -> SketchMethod:
+        """Way from sketches to the face: "map", constraints of the solve, or "paper", the statistical mapping."""
+        return self.session.document.sketch_method
+
+    @sketch_method.setter
+    def sketch_method(self, method: SketchMethod) -> None:
+        self.session.set_sketch_method(checks.one_of(method, SKETCH_METHODS, "The method of sketches"))

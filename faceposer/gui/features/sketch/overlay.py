@@ -1,0 +1,159 @@
+"""Names beside the strokes of sketches, the stroke being drawn, and the list of features."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+from numpy.typing import NDArray
+
+from faceposer.gui.context import EditorContext
+from faceposer.gui.overlays.marks.sketch import SketchMark
+from faceposer.gui.overlays.painter import Painter
+from faceposer.gui.widgets.theme import EDGE, FAINT, INK, RAISED_MORE, TARGET, WARNING, Colour, Icon, u32
+from faceposer.gui.widgets.widget_rects import overlap
+from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.tools.sketch_tool import UNNAMED, Box, SketchTool
+from faceposer.tools.stroke_tool import pixels_in_view
+
+Array = NDArray[np.float64]
+
+#: Name of the stroke that depicts no feature.
+NO_FEATURE = "no feature"
+# At normal density: margins of a name, and its distance from the stroke.
+_PAD_X, _PAD_Y, _GAP = 5.0, 2.0, 9.0
+
+
+class SketchOverlay:
+    """Overlay of the sketches while their tool is chosen, and of the highlighted ones otherwise."""
+
+    def __init__(self, context: EditorContext) -> None:
+        """Draw over the view of ``context``."""
+        self._context = context
+
+    def draw(self, draw: imgui.ImDrawList, tool: SketchTool, chosen: bool) -> None:
+        """Draw names and unfinished strokes of ``tool``, all of them if it is ``chosen``; record where they are."""
+        painter = Painter(draw, self._context.viewport, frozenset())
+        labels: dict[int, Box] = {}
+        lists: dict[int, Box] = {}
+        if chosen:
+            self._draw_unfinished(painter, tool)
+        for index, name, line, colour, strength in self._named(tool, chosen):
+            box = self._place(line, name, chosen, labels.values())
+            if box is None:
+                continue
+            self._draw_name(draw, box, name, colour, strength, chosen)
+            labels[index] = box
+            if chosen:
+                lists[index] = (box[2] - self._list_width, *box[1:])
+        tool.labels, tool.lists = (labels, lists) if chosen else ({}, {})
+        self._record(labels, lists)
+
+    def _named(self, tool: SketchTool, chosen: bool) -> Sequence[tuple[int, str, Array, Colour, float]]:
+        """Return index, name, line, colour and opacity of all that gets a name, the most important first."""
+        context, found = self._context, []
+        if chosen and tool.preview is not None and tool.drawing is not None and tool.drawn_in is not None:
+            seen = pixels_in_view(as_pixels(tool.drawing), tool.drawn_in, context.viewport.camera)
+            if seen is not None:
+                found.append((_PREVIEW, tool.preview.feature, seen, TARGET, 1.0))
+        if chosen and tool.unnamed is not None:
+            stroke = tool.unnamed.stroke
+            seen = pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.viewport.camera)
+            if seen is not None:
+                found.append((UNNAMED, NO_FEATURE, seen, WARNING, 1.0))
+        constraints = context.session.document.constraints
+        hidden = context.drawn_constraints.hidden.indices(constraints)
+        pointed = context.highlighted
+        hover = context.toolbox.hover
+        if hover is not None and hover.pin is not None:
+            pointed = hover.pin
+        for index, mark in sorted(context.drawn_constraints.marks.items(), key=lambda item: item[0] != pointed):
+            if not isinstance(mark, SketchMark) or index is None:
+                continue
+            lit = index == pointed or (context.points_shown and index in context.toolbox.selection)
+            if lit or (chosen and context.points_shown and index not in hidden):
+                strength = (1.0 if lit else 0.75) * (1.0 if mark.own_view else 0.6)
+                found.append((index, mark.feature, mark.line, INK if lit else FAINT, strength))
+        return found
+
+    def _draw_unfinished(self, painter: Painter, tool: SketchTool) -> None:
+        """Draw the stroke in progress with the points that it matches, and a stroke that is not recognised."""
+        camera = self._context.viewport.camera
+        if tool.drawing is not None and tool.drawn_in is not None:
+            seen = pixels_in_view(as_pixels(tool.drawing), tool.drawn_in, camera)
+            if seen is not None:
+                painter.line(seen, TARGET, 2.4, 1.0)
+            if tool.preview is not None:
+                places = as_pixels([point.pixel for point in tool.preview.points])
+                knobs = pixels_in_view(places, tool.drawn_in, camera)
+                for x, y in [] if knobs is None else knobs.tolist():
+                    painter.knob((x, y), 2.6, INK, 1.0, False)
+        for stroke, colour in (
+            (tool.waiting, TARGET),
+            (None if tool.unnamed is None else tool.unnamed.stroke, WARNING),
+        ):
+            seen = None if stroke is None else pixels_in_view(as_pixels(stroke.pixels), stroke.camera, camera)
+            if seen is not None:
+                painter.line(seen, colour, 2.0, 0.85)
+
+    @property
+    def _list_width(self) -> float:
+        return imgui.calc_text_size(Icon.LIST).x + _PAD_X * self._context.viewport.ui_scale
+
+    def _place(self, line: Array, name: str, listed: bool, taken: Collection[Box]) -> Box | None:
+        """Return the box of ``name`` beside the outer end of ``line``, in pixels of the view, off the boxes ``taken``.
+
+        None if the end is outside the view.
+        """
+        viewport = self._context.viewport
+        scale, (wide, tall) = viewport.ui_scale, viewport.size
+        size = imgui.calc_text_size(name)
+        width = size.x + 2.0 * _PAD_X * scale + (self._list_width if listed else 0.0)
+        height = size.y + 2.0 * _PAD_Y * scale
+        # Outwards from the face, where it hides least.
+        leftwards = float(line[:, 0].mean()) < self._middle - 0.02 * wide
+        end = line[np.argmin(line[:, 0])] if leftwards else line[np.argmax(line[:, 0])]
+        if not (0.0 <= end[0] <= wide and 0.0 <= end[1] <= tall):
+            return None
+        left = float(end[0]) + (-width - _GAP * scale if leftwards else _GAP * scale)
+        left = min(max(left, 0.0), max(wide - width, 0.0))
+        top = min(max(float(end[1]) - height / 2.0, 0.0), max(tall - height, 0.0))
+        for step in (0, 1, -1, 2, -2, 3, -3):
+            box = (left, top + step * (height + scale), left + width, top + step * (height + scale) + height)
+            if not any(overlap(box, other) for other in taken):
+                return box
+        return (left, top, left + width, top + height)
+
+    @property
+    def _middle(self) -> float:
+        """Column of the middle of the features in the view."""
+        vertices = self._context.scene.vertices
+        ids = list(self._context.session.model.character.feature_points.values())
+        return float(self._context.viewport.camera.project(vertices[ids])[:, 0].mean()) if ids else 0.0
+
+    def _draw_name(
+        self, draw: imgui.ImDrawList, box: Box, name: str, colour: Colour, strength: float, listed: bool
+    ) -> None:
+        viewport, hover = self._context.viewport, self._context.toolbox.hover
+        scale, (x, y) = viewport.ui_scale, viewport.origin
+        left, top, right, bottom = box[0] + x, box[1] + y, box[2] + x, box[3] + y
+        under = hover is not None and box[0] <= hover.position[0] < box[2] and box[1] <= hover.position[1] < box[3]
+        ground, opacity = (RAISED_MORE, 1.0) if under and listed else (EDGE, 0.72 * strength)
+        draw.add_rect_filled((left, top), (right, bottom), u32(ground, opacity), 4.0 * scale)
+        draw.add_text(ImVec2(left + _PAD_X * scale, top + _PAD_Y * scale), u32(colour, strength), name)
+        if listed:
+            at = ImVec2(right - self._list_width + 0.5 * _PAD_X * scale, top + _PAD_Y * scale)
+            draw.add_text(at, u32(FAINT, strength), Icon.LIST)
+
+    def _record(self, labels: dict[int, Box], lists: dict[int, Box]) -> None:
+        """Record the rectangles of names and lists in the window, for tests and tooltips."""
+        x, y = self._context.viewport.origin
+        for kind, boxes in (("label", labels), ("list", lists)):
+            for index, (left, top, right, bottom) in boxes.items():
+                name = f"sketch:{'unnamed' if index == UNNAMED else index}:{kind}"
+                if index >= UNNAMED:
+                    right_of_name = right - (self._list_width if kind == "label" and lists else 0.0)
+                    self._context.widget_rects.place(name, (left + x, top + y, right_of_name + x, bottom + y))
+
+
+# Index under which the name of an unfinished stroke is placed; it cannot be clicked.
+_PREVIEW = UNNAMED - 1

@@ -1,0 +1,43 @@
+"""Options of the tool Sketch."""
+
+from typing import TYPE_CHECKING, get_args
+
+from imgui_bundle import imgui
+
+from faceposer.gui.panels.details.sketch import draw_feature_list
+from faceposer.gui.widgets.basic import caption, choice, heading
+from faceposer.solve.constraints.sketch import SketchMethod
+from faceposer.tools.sketch_tool import UNNAMED, UNRECOGNISED
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.sketch.feature import SketchFeature
+
+_METHODS: tuple[SketchMethod, ...] = get_args(SketchMethod)
+_METHOD_TIPS = (
+    "The strokes are constraints of the solve, like pins and curves.",
+    "The face starts from the pose of Gunnarsson and Maddock 2010, completed from the matched points.",
+)
+
+
+def draw_sketch_options(feature: "SketchFeature") -> None:
+    """Draw the method of the pose, and the state of the last stroke."""
+    context, tool = feature.context, feature.tool
+    session = context.session
+    heading(context.fonts, tool.label)
+    before = _METHODS.index(session.document.sketch_method)
+    labels = [method.capitalize() for method in _METHODS]
+    chosen = choice(context.widget_rects, "sketch-method", labels, before, _METHOD_TIPS)
+    if chosen != before and not context.busy:
+        session.set_sketch_method(_METHODS[chosen])
+    if feature.preparing:
+        caption("Preparing the recogniser for this character...")
+    elif tool.unnamed is not None:
+        caption(f"{UNRECOGNISED}. Draw it again, or name it:")
+        imgui.set_next_item_width(-1.0)
+        opened = imgui.begin_combo("##unnamed", "Name the stroke", imgui.ComboFlags_.height_largest.value)
+        context.widget_rects.record("sketch-name")
+        if opened:
+            draw_feature_list(context, UNNAMED)
+            imgui.end_combo()
+    else:
+        caption("Draw a brow, a lid, a lip, a nose wing, a cheek line or the jaw line as it should look, in any view.")

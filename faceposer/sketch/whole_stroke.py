@@ -1,0 +1,251 @@
+"""Recognition by the evidence of the whole stroke, from the present pose (docs/sketching.md)."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from threading import Lock
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import FEATURES
+from faceposer.sketch.curve_density import (
+    FeatureRows,
+    PoseMixture,
+    ViewedCurves,
+    hand_unit,
+    visibility,
+)
+from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
+from faceposer.sketch.hand import SAMPLES, SHORTEST, HandModel, ScribbleModel
+from faceposer.sketch.intervals import candidate_intervals
+from faceposer.sketch.openness import log_openness
+from faceposer.sketch.placing import placed_points
+from faceposer.sketch.polyline import evenly, lengths_along, stroke_line
+from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
+from faceposer.sketch.training_poses import TrainingPoses
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Constants of the recognition, chosen by cross-validation on one performance.
+
+    Attributes:
+        hand: Errors of the hand.
+        scribbles: Density of strokes that depict nothing.
+        scribble: Prior probability of such a stroke.
+        spread: Spread of poses about each training pose, as a share of that of all poses.
+        present: Share of poses near the present one.
+        temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
+        others: The same for the strokes that have been drawn before.
+        again: Prior of a feature that has been drawn before, relative to one that has not.
+        line: Prior of the line of a closed mouth, relative to another feature.
+        unseen: Least prior of a feature that faces away.
+        finalists: Number of features that are compared exactly.
+        rounds: Number of times that the curves of these are linearised again.
+    """
+
+    hand: HandModel = field(default_factory=HandModel)
+    scribbles: ScribbleModel = field(default_factory=ScribbleModel)
+    scribble: float = 0.2
+    spread: float = 0.4
+    present: float = 0.4
+    temperature: float = 2.0
+    others: float = 4.0
+    again: float = 0.35
+    line: float = 0.5
+    unseen: float = 0.003
+    finalists: int = 4
+    rounds: int = 1
+
+
+# Distance of a line's middle from that of a stroke beyond which it is not considered, in units of the hand, and the
+# share of the stroke's length that is added.
+_REACH, _REACH_LENGTH = 110.0, 0.35
+# Number of sequences of earlier strokes whose densities are kept.
+_MOST_SEQUENCES = 32
+# Log evidence behind that of the likeliest feature at which a feature is given up.
+_HOPELESS = 40.0
+# Candidates below this probability are omitted.
+_LEAST = 1e-4
+
+
+class WholeStrokeRecogniser:
+    """Recognises features by the density of their curves in the view of the stroke.
+
+    Safe for use by several threads.
+    """
+
+    def __init__(self, model: FaceModel, coefficients: ArrayLike, tuning: Tuning | None = None) -> None:
+        """Fit the densities.
+
+        Args:
+            model: The face.
+            coefficients: Training poses, shape (n, r), n ≥ 2.
+            tuning: Constants.
+        """
+        self.tuning = tuning or Tuning()
+        self._rows = FeatureRows.of(model)
+        self._poses = PoseMixture.of(np.asarray(coefficients, dtype=np.float64), self._rows, self.tuning.spread)
+        self._sequences: OrderedDict[tuple[object, ...], PoseMixture] = OrderedDict()
+        self._lock = Lock()
+
+    @classmethod
+    def of(cls, model: FaceModel, training: TrainingPoses) -> "WholeStrokeRecogniser":
+        """Fit the recogniser to ``training`` poses of ``model``."""
+        return cls(model, training.coefficients)
+
+    def recognise(
+        self, stroke: DrawnStroke, pose: Array, others: Sequence[DrawnStroke] = (), feature: str | None = None
+    ) -> Recognition:
+        """Return the recognition of ``stroke``; see ``Recogniser``."""
+        samples = self._samples(stroke)
+        names = list(self._rows.tracks) if feature is None else [feature]
+        names = [name for name in names if name in self._rows.tracks]
+        if samples is None or not names:
+            return Recognition((), False)
+        camera = stroke.camera
+        if feature is None:
+            names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
+        drawn = {other.feature for other in others if other.feature is not None}
+        found = self._found(names, drawn, samples, np.asarray(pose, dtype=np.float64), others, camera)
+        return self._decided(stroke, samples, found, drawn, feature)
+
+    def _found(
+        self,
+        names: Sequence[str],
+        drawn: set[str],
+        samples: Array,
+        pose: Array,
+        others: Sequence[DrawnStroke],
+        camera: Camera,
+    ) -> list[tuple[Evidence, int]]:
+        """Return the evidence for each of ``names``, as the index of a line of an ``Evidence``."""
+        # A feature that is drawn again may take any shape, whatever it was before.
+        again = [name for name in names if name in drawn or drawn & set(FEATURES[name].components)]
+        new = [name for name in names if name not in again]
+        before = self._after(tuple(other for other in others if other.feature in self._rows.tracks))
+        found = []
+        for group, density in ((new, before), (again, self._poses)):
+            if not group:
+                continue
+            mixture = density.with_pose(pose, self._rows, self.tuning.present)
+            curves = ViewedCurves(self._rows, mixture, camera, group)
+            intervals = [candidate_intervals(self._rows.tracks[name].closed) for name in group]
+            of_group = evidence(curves, samples, self.tuning.hand, intervals)
+            found += [(of_group, index) for index in range(len(group))]
+        totals = [part.log_total(index, self.tuning.temperature) for part, index in found]
+        for i in np.argsort(totals)[: -1 - self.tuning.finalists : -1]:
+            for _ in range(self.tuning.rounds):
+                part, index = found[i]
+                found[i] = nearer_evidence(part, index, samples, self.tuning.hand), 0
+        return found
+
+    def _samples(self, stroke: DrawnStroke) -> Array | None:
+        """Return the samples of ``stroke`` in units of the hand about the principal point, (SAMPLES, 2), or None."""
+        line = stroke_line(stroke, hand_unit(self._rows, stroke.camera))
+        if len(line) < 2 or lengths_along(line)[-1] < SHORTEST or np.hypot(*np.ptp(line, axis=0)) < SHORTEST:
+            return None
+        return evenly(line, SAMPLES)
+
+    def _within_reach(self, names: list[str], samples: Array, pose: Array, camera: Camera) -> list[str]:
+        """Return those of ``names`` whose lines, in the present pose, are near the stroke."""
+        unit = hand_unit(self._rows, camera)
+        places = self._rows.neutral + self._rows.jacobian @ pose
+        pixels = (camera.project(places) - camera.principal_point) / unit
+        begins = [track.rows.start for track in self._rows.tracks.values()]
+        reach = _REACH + _REACH_LENGTH * float(lengths_along(samples)[-1])
+        low, high = np.minimum.reduceat(pixels, begins) - reach, np.maximum.reduceat(pixels, begins) + reach
+        middle = samples.mean(axis=0)
+        near = ((middle >= low) & (middle <= high)).all(axis=1)
+        return [name for name, is_near in zip(self._rows.tracks, near, strict=True) if is_near and name in names]
+
+    def _after(self, others: tuple[DrawnStroke, ...]) -> PoseMixture:
+        """Return the density of poses given the strokes drawn before."""
+        if not others:
+            return self._poses
+        key = tuple((other.feature, other.camera, np.asarray(other.pixels).tobytes()) for other in others)
+        with self._lock:
+            known = self._sequences.get(key)
+            if known is not None:
+                self._sequences.move_to_end(key)
+                return known
+        before, stroke = self._after(others[:-1]), others[-1]
+        samples = self._samples(stroke)
+        after = before
+        if samples is not None and stroke.feature is not None:
+            after = self._updated(before, stroke.feature, samples, stroke.camera)
+        with self._lock:
+            self._sequences[key] = after
+            while len(self._sequences) > _MOST_SEQUENCES:
+                self._sequences.popitem(last=False)
+        return after
+
+    def _updated(self, density: PoseMixture, name: str, samples: Array, camera: Camera) -> PoseMixture:
+        """Return ``density`` given that ``samples`` depict the feature ``name``."""
+        curves = ViewedCurves(self._rows, density, camera, [name])
+        found = evidence(curves, samples, self.tuning.hand, [candidate_intervals(curves.tracks[0].closed)])
+        posterior = found.posterior(0, *found.best(0))
+        # The information of the stroke alone, tempered.
+        share = 1.0 / self.tuning.others
+        identity = np.eye(len(posterior.covariance))
+        precision = np.linalg.inv(posterior.covariance)
+        tempered = np.asarray(np.linalg.inv(identity + share * (precision - identity)))
+        information = posterior.means @ precision - density.means
+        means = (density.means + share * information) @ tempered
+        return density.updated(share * posterior.log_likelihood, means, tempered)
+
+    def _placed(self, found: tuple[Evidence, int], stroke: DrawnStroke, samples: Array) -> tuple[MatchedPoint, ...]:
+        return placed_points(found[0], found[1], stroke, samples, self.tuning.hand)
+
+    def _decided(
+        self,
+        stroke: DrawnStroke,
+        samples: Array,
+        found: Sequence[tuple[Evidence, int]],
+        drawn: set[str],
+        feature: str | None,
+    ) -> Recognition:
+        """Return the posterior over features and strokes that depict none."""
+        tuning = self.tuning
+        seen = visibility(self._rows, stroke.camera)
+        names = [part.tracks[index].feature for part, index in found]
+        totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
+        logs = totals / tuning.temperature
+        for i, (part, index) in enumerate(found):
+            if totals[i] < totals.max() - _HOPELESS:
+                continue
+            logs[i] += log_openness(self._rows, part, index) / tuning.temperature
+            logs[i] += np.log(max(seen[names[i]], tuning.unseen))
+            if names[i] == "mouth line":
+                logs[i] += np.log(tuning.line)
+            if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
+                logs[i] += np.log(tuning.again)
+        count = max(len(self._rows.tracks), 1)
+        logs += np.log((1.0 - tuning.scribble) / count)
+        # The middle of the face in the coordinates of the samples.
+        unit = hand_unit(self._rows, stroke.camera)
+        middle = (stroke.camera.project(self._rows.middle[None])[0] - stroke.camera.principal_point) / unit
+        scribble = tuning.scribbles.log_density(samples - middle) / tuning.temperature + np.log(tuning.scribble)
+        if feature is not None:
+            scribble = -np.inf
+        top = max(scribble, logs.max(initial=-np.inf))
+        shares = np.exp(logs - top)
+        nothing = float(np.exp(scribble - top))
+        probabilities = shares / (shares.sum() + nothing)
+        order = [i for i in np.argsort(-probabilities) if probabilities[i] >= _LEAST]
+        candidates = tuple(
+            Candidate(
+                names[i],
+                float(min(probabilities[i], 1.0)),
+                self._placed(found[i], stroke, samples),
+            )
+            for i in order[: tuning.finalists]
+        )
+        best = float(probabilities.max(initial=0.0))
+        accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
+        return Recognition(candidates, accepted)

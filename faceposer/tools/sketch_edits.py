@@ -1,0 +1,118 @@
+"""Edits of sketches: a stroke that becomes a feature, another feature for it, and both on the other side, too."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from faceposer.geometry.picking import SurfacePoints
+from faceposer.geometry.strokes import smoothed
+from faceposer.model.character import Character
+from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import FEATURES, feature_curves
+from faceposer.model.framing import face_view
+from faceposer.session.document import Document
+from faceposer.session.session import Session
+from faceposer.session.sketching import session_sketcher, sketch_of
+from faceposer.sketch.combining import combined
+from faceposer.sketch.recognition import Candidate, DrawnStroke
+from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.tools.symmetry import Symmetry, image_of
+
+# Number of strokes that are kept for recognition.
+_MOST_STROKES = 500
+
+
+@lru_cache(maxsize=_MOST_STROKES)
+def drawn_stroke(sketch: SketchConstraint) -> DrawnStroke:
+    """Return the stroke of ``sketch`` for recognition, the same object for the same sketch."""
+    return DrawnStroke(np.array(sketch.stroke), sketch.camera, sketch.feature)
+
+
+def drawn_strokes(constraints: Iterable[Constraint]) -> list[DrawnStroke]:
+    """Return the strokes of the enabled sketches among ``constraints``."""
+    return [drawn_stroke(c) for c in constraints if isinstance(c, SketchConstraint) and c.enabled]
+
+
+def depicting(sketch: SketchConstraint, candidate: Candidate) -> SketchConstraint:
+    """Return ``sketch`` with the feature and the matched points of ``candidate``."""
+    matched = tuple((point.feature_point, point.pixel) for point in candidate.points)
+    return replace(sketch, feature=candidate.feature, matched=matched, traced=None)
+
+
+def with_sketch(
+    session: Session, document: Document, sketch: SketchConstraint, symmetric: bool
+) -> tuple[Document, int, tuple[SketchConstraint, ...]]:
+    """Return ``document`` with the new ``sketch``, with its mirror image if ``symmetric``.
+
+    Sketches of the same parts of the features are replaced; other parts add up.
+
+    Returns:
+        The document, the index of the sketch in it, and the sketches that were replaced.
+
+    Raises:
+        ValueError: If the stroke does not meet the feature.
+    """
+    sketch = sketch.resolved(session.model, session.coefficients)
+    image = image_of(sketch, session) if symmetric else None
+    before = document.constraints
+    constraints = combined(before, sketch)
+    if isinstance(image, SketchConstraint):
+        constraints = combined(constraints, image)
+    kept = {id(constraint) for constraint in constraints}
+    replaced = tuple(c for c in before if isinstance(c, SketchConstraint) and id(c) not in kept)
+    index = next(i for i, constraint in enumerate(constraints) if constraint is sketch)
+    return replace(document, constraints=tuple(constraints)), index, replaced
+
+
+def with_feature(
+    session: Session,
+    index: int,
+    changed: SketchConstraint,
+    restored: Sequence[SketchConstraint],
+    symmetry: Symmetry,
+) -> tuple[Document, int, tuple[SketchConstraint, ...]]:
+    """Return the document with sketch ``index`` changed to ``changed``, and with symmetry also its mirror partner.
+
+    The sketches ``restored``, which it had replaced as another feature, return.
+
+    Returns:
+        As of ``with_sketch``.
+    """
+    document = session.document
+    removed = symmetry.with_partners(session, {index})
+    kept = tuple(c for i, c in enumerate(document.constraints) if i not in removed)
+    for sketch in restored:
+        if sketch not in kept:
+            # What is left of it in parts makes place for the whole.
+            kept = combined(kept, sketch)
+    return with_sketch(session, replace(document, constraints=kept), changed, symmetry.on)
+
+
+def prepare_recognition(model: FaceModel) -> None:
+    """Fit the recogniser of ``model`` and use it once, then fit the paper's pose, so that no stroke waits for them."""
+    character = model.character
+    camera = face_view(character).camera((800, 800))
+    for curves in feature_curves(character).values():
+        places = curves[0].points.positions(character.vertices, character.triangles)
+        stroke = DrawnStroke(smoothed(camera.project(places)), camera)
+        best = session_sketcher(model).recognise(stroke, model.neutral()).best
+        if best is not None:
+            sketch_of(stroke, best).resolved(model, model.neutral())
+            break
+    _ = session_sketcher(model).paper
+
+
+def drawable_features(character: Character) -> list[str]:
+    """Return the names of the features that can be drawn on ``character``, in a fixed order."""
+    known = character.feature_points
+    return [feature.name for feature in FEATURES.values() if all(name in known for name in feature.points)]
+
+
+@lru_cache(maxsize=8)
+def drawable_points(character: Character) -> SurfacePoints:
+    """Return the feature points of the features that can be drawn on ``character``."""
+    names = {name for feature in drawable_features(character) for name in FEATURES[feature].points}
+    return SurfacePoints.at_vertices([character.feature_points[name] for name in sorted(names)])

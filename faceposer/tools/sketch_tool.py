@@ -1,0 +1,385 @@
+"""Sketches: one stroke shows how a feature should look (Gunnarsson and Maddock); which one it is, is recognised."""
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.strokes import smoothed
+from faceposer.model.character import Character
+from faceposer.session.sketching import session_sketcher, sketch_of
+from faceposer.sketch.recognition import Candidate, DrawnStroke
+from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.tools.point_tool import CLICK_THRESHOLD
+from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
+from faceposer.tools.sketch_edits import (
+    depicting,
+    drawable_features,
+    drawable_points,
+    drawn_stroke,
+    drawn_strokes,
+    with_feature,
+    with_sketch,
+)
+from faceposer.tools.stroke_tool import distance_to_line, pixels_in_view
+from faceposer.tools.symmetry import Mirroring
+from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
+
+Pixel = tuple[float, float]
+#: Left, top, right and bottom in pixels of the view.
+Box = tuple[float, float, float, float]
+
+#: Stands for the unnamed stroke among the indices of sketches.
+UNNAMED = -1
+#: Message on a stroke that depicts no feature.
+UNRECOGNISED = "No feature recognised: nothing has changed"
+# In pixels at normal density: reach of strokes, length of the shortest stroke, and of the shortest that is previewed.
+_REACH, _SHORTEST, _PREVIEWED = 7.0, 14.0, 30.0
+# Extent around the features, as a share of theirs, in which a press begins a stroke.
+_AROUND = 0.25
+# Seconds that the recognition of an unfinished stroke may take, and its largest share of the time of drawing.
+_FRAME, _PREVIEW_SHARE = 1.0 / 60.0, 0.25
+
+
+class SketchTool(PosingTool):
+    """Draws features as they should look; the face takes that shape.
+
+    Attributes:
+        drawing: Pixels of the stroke being drawn in the camera of ``drawn_in``, or None.
+        drawn_in: Camera under which the stroke is being drawn.
+        preview: Feature that the unfinished stroke depicts, or None.
+        waiting: Stroke that is drawn but not recognised, because the recogniser is being prepared, or None.
+        unnamed: The last stroke, if it depicts no feature, or None.
+        preparing: Returns True while the recogniser is being prepared in the background.
+        labels: Boxes of the names in the view, by the index of the constraint or ``UNNAMED``.
+        lists: Boxes within them that open the list of features.
+        listing: Index of the sketch, or ``UNNAMED``, whose list of features is to be opened, or None.
+    """
+
+    name = "sketch"
+    label = "Sketch"
+    key = "E"
+    help = "Draw a feature as it should look: a brow, a lid, a lip; the face takes that shape"
+    empty_text = "Draw a brow, a lid, a lip or another feature as it should look. The face takes that shape."
+    drag_hint = "Move: draw the feature   ·   release: the face follows   ·   Esc: cancel"
+    handle_hint = "Click: choose the next feature   ·   Shift+drag: move the stroke   ·   right click: remove it"
+    cursor = "draw"
+
+    def __init__(self, tool_settings: ToolSettings) -> None:
+        """Use the shared ``tool_settings``."""
+        super().__init__(tool_settings)
+        self.drawing: list[Pixel] | None = None
+        self.drawn_in: Camera | None = None
+        self.preview: Candidate | None = None
+        self.waiting: DrawnStroke | None = None
+        self.unnamed: UnnamedStroke | None = None
+        self.preparing: Callable[[], bool] = lambda: False
+        self.labels: dict[int, Box] = {}
+        self.lists: dict[int, Box] = {}
+        self.listing: int | None = None
+        self.known = RecognisedStrokes()
+        self._cost = 0.0
+
+    def usable(self, character: Character) -> bool:
+        """Return True if ``character`` has the points of any feature."""
+        return bool(drawable_features(character))
+
+    # Places in the view
+
+    def sketch_at(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the sketch whose label or stroke is at ``position``, or None; locked ones included."""
+        constraints = context.session.document.constraints
+        for i in reversed(range(len(constraints))):
+            sketch = constraints[i]
+            if isinstance(sketch, SketchConstraint) and i not in context.unmarked:
+                if _inside(self.labels.get(i), position):
+                    return i
+                seen = pixels_in_view(sketch.stroke, sketch.camera, context.camera)
+                if seen is not None and distance_to_line(position, seen) <= _REACH * context.ui_scale:
+                    return i
+        return None
+
+    def unnamed_at(self, position: Pixel, context: ToolContext) -> bool:
+        """Return True if the label or the line of the unnamed stroke is at ``position``."""
+        if self.unnamed is None:
+            return False
+        stroke = self.unnamed.stroke
+        seen = pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.camera)
+        near = seen is not None and distance_to_line(position, seen) <= _REACH * context.ui_scale
+        return near or _inside(self.labels.get(UNNAMED), position)
+
+    def works_at(self, position: Pixel, context: ToolContext) -> bool:
+        """Return True if a press at ``position`` draws: on the face and around its features."""
+        session = context.session
+        points = drawable_points(session.model.character)
+        places = session.model.positions_at(points, session.coefficients)
+        pixels = context.camera.project(places)
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        margin = _AROUND * float((high - low).max())
+        return bool(np.all(position >= low - margin) and np.all(position <= high + margin))
+
+    def begins(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Return True if the press ``event`` draws or hits a label, or with Shift moves a sketch."""
+        if event.button != "left" or event.modifiers - {"shift"}:
+            return False
+        index = self.sketch_at(event.position, context)
+        if "shift" in event.modifiers:
+            return index is not None and not context.session.document.constraints[index].locked
+        on_mark = index is not None or self.unnamed_at(event.position, context)
+        return on_mark or self.works_at(event.position, context)
+
+    def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the sketch whose feature a click at ``position`` would change, or None."""
+        return self.sketch_at(position, context)
+
+    # Gestures
+
+    def gesture(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Draw a stroke, change the feature of one by a click, or with Shift move one."""
+        if "shift" in event.modifiers:
+            yield from self._move(event, context)
+            return
+        # on press
+        camera, path = context.camera, [event.position]
+        self.drawn_in, previewed, self._cost = camera, 0.0, 0.0
+        try:
+            while True:
+                self.drawing = path
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move; after a zoom, the position is one of another view
+                position = context.camera.transferred(event.position, camera)
+                if position is not None:
+                    path.append(position)
+                now = time.perf_counter()
+                if now - previewed > self._cost / _PREVIEW_SHARE:
+                    self._update_preview(path, camera, context)
+                    previewed = time.perf_counter()
+        finally:
+            self.drawing = self.preview = None
+        if max(math.dist(path[0], position) for position in path) < CLICK_THRESHOLD * context.ui_scale:
+            self._click(path[0], context)
+            return
+        self.unnamed = None
+        if _length(path) < _SHORTEST * context.ui_scale:
+            return
+        self.waiting = DrawnStroke(smoothed(path), camera)
+        self.advance(context)
+
+    def _update_preview(self, path: list[Pixel], camera: Camera, context: ToolContext) -> None:
+        """Recognise the unfinished stroke, unless that takes longer than a frame."""
+        if self.preparing() or self._cost > _FRAME or _length(path) < _PREVIEWED * context.ui_scale:
+            return
+        # Seconds of this thread, since other programs may delay it.
+        begin = time.thread_time()
+        self.preview = self._candidates(DrawnStroke(smoothed(path), camera), context)[0]
+        self._cost = time.thread_time() - begin
+        if self._cost > _FRAME:
+            # It would soon be out of date.
+            self.preview = None
+
+    def _click(self, position: Pixel, context: ToolContext) -> None:
+        """Choose the next feature of the stroke at ``position``; if there is no other, ask for the list of features."""
+        self.listing = next((i for i, box in self.lists.items() if _inside(box, position)), None)
+        if self.listing is not None:
+            return
+        index = self.sketch_at(position, context)
+        if index is not None:
+            if not self.choose_next(index, context):
+                self.listing = index
+        elif self.unnamed is not None and self.unnamed_at(position, context):
+            if self.unnamed.candidates:
+                self.name_stroke(self.unnamed.candidates[0].feature, context)
+            else:
+                self.listing = UNNAMED
+
+    def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
+        """Move a sketch by the motion of the pointer."""
+        # on press
+        session, press = context.session, event.position
+        index = self.sketch_at(press, context)
+        if index is None:
+            return
+        self._settings.selection.set(index)
+        with session.edit("Move a sketch"):
+            mirroring = Mirroring(self._settings.symmetry, session)
+            begun = session.document.constraints[index]
+            assert isinstance(begun, SketchConstraint)
+            scale = begun.camera.focal / context.camera.focal
+            moved = False
+            while True:
+                event = yield
+                # on release
+                if event.kind == "release":
+                    break
+                # on move
+                moved = True
+                du, dv = (np.subtract(event.position, press) * scale).tolist()
+                document = session.document.with_constraint(index, begun.nudged((du, dv)))
+                session.replace(mirroring.with_images(document, [index]))
+            if not moved:
+                session.restore()
+
+    # Recognition
+
+    def _candidates(
+        self, stroke: DrawnStroke, context: ToolContext, without: int | None = None
+    ) -> tuple[Candidate | None, tuple[Candidate, ...]]:
+        """Return the feature of ``stroke``, None if it depicts none, and all candidates with matched points.
+
+        Constraint ``without`` is left out of what is drawn already.
+        """
+        session = context.session
+        constraints = [c for i, c in enumerate(session.document.constraints) if i != without]
+        found = session_sketcher(session.model).recognise(stroke, session.coefficients, drawn_strokes(constraints))
+        candidates = tuple(candidate for candidate in found.candidates if candidate.points)
+        return found.best if found.best in candidates else None, candidates
+
+    def advance(self, context: ToolContext) -> bool:
+        """Recognise the waiting stroke if the recogniser is prepared; return True if there was such a stroke."""
+        stroke = self.waiting
+        if stroke is None or self.preparing():
+            return False
+        self.waiting = None
+        best, candidates = self._candidates(stroke, context)
+        if best is None:
+            self.unnamed = UnnamedStroke(stroke, candidates)
+        else:
+            self._add(stroke, best, candidates, context)
+        return True
+
+    def _add(
+        self, stroke: DrawnStroke, chosen: Candidate, candidates: tuple[Candidate, ...], context: ToolContext
+    ) -> None:
+        """Add ``stroke`` as the ``chosen`` feature, as one step."""
+        session = context.session
+        sketch, symmetric = sketch_of(stroke, chosen), self._settings.symmetry.on
+        try:
+            document, index, replaced = with_sketch(session, session.document, sketch, symmetric)
+        except ValueError:
+            self.unnamed = UnnamedStroke(stroke, candidates)
+            return
+        with session.edit(f"Sketch the {chosen.feature}"):
+            session.replace(document)
+        self.known.remember(sketch, candidates, replaced)
+        self._settings.selection.set(index)
+
+    def candidates_of(self, index: int, context: ToolContext) -> tuple[Candidate, ...]:
+        """Return the features that sketch ``index`` may depict, the most probable first, from its recognition."""
+        sketch = context.session.document.constraints[index]
+        assert isinstance(sketch, SketchConstraint)
+        found = self.known.candidates(sketch)
+        if not found and not self.preparing():
+            # Drawn in another session: recognised again, without what it was taken for.
+            _, found = self._candidates(drawn_stroke(sketch), context, without=index)
+            self.known.remember(sketch, found, ())
+        return found
+
+    def choose_next(self, index: int, context: ToolContext) -> bool:
+        """Make sketch ``index`` depict the next of its candidates, as one step; after the last comes the first.
+
+        Return True if there was another one.
+        """
+        sketch = context.session.document.constraints[index]
+        assert isinstance(sketch, SketchConstraint)
+        self._settings.selection.set(index)
+        if sketch.locked:
+            return True
+        features = [candidate.feature for candidate in self.candidates_of(index, context)]
+        at = features.index(sketch.feature) if sketch.feature in features else -1
+        following = [*features[at + 1 :], *features[: max(at, 0)]]
+        return any(self.choose_feature(index, feature, context) for feature in following)
+
+    def choose_feature(self, index: int, feature: str, context: ToolContext) -> bool:
+        """Make sketch ``index`` depict ``feature``, as one step; what it had replaced as another feature returns.
+
+        Return True unless it is locked, depicts it already or cannot.
+        """
+        session = context.session
+        sketch = session.document.constraints[index]
+        if not isinstance(sketch, SketchConstraint) or sketch.locked or sketch.feature == feature:
+            return False
+        candidates = self.candidates_of(index, context)
+        chosen = next((c for c in candidates if c.feature == feature), None) or self._matched(
+            drawn_stroke(sketch), feature, context
+        )
+        if chosen is None:
+            return False
+        changed = depicting(sketch, chosen)
+        try:
+            document, index, replaced = with_feature(
+                session, index, changed, self.known.replaced(sketch), self._settings.symmetry
+            )
+        except ValueError:
+            return False
+        with session.edit(f"Sketch the {feature}"):
+            session.replace(document)
+        self.known.remember(changed, candidates, replaced)
+        self._settings.selection.set(index)
+        return True
+
+    def name_stroke(self, feature: str, context: ToolContext) -> None:
+        """Make the unnamed stroke depict ``feature``, as one step."""
+        unnamed = self.unnamed
+        if unnamed is None:
+            return
+        chosen = next((c for c in unnamed.candidates if c.feature == feature), None) or self._matched(
+            unnamed.stroke, feature, context
+        )
+        self.unnamed = None
+        if chosen is not None:
+            self._add(unnamed.stroke, chosen, unnamed.candidates, context)
+
+    def _matched(self, stroke: DrawnStroke, feature: str, context: ToolContext) -> Candidate | None:
+        """Return the points of ``feature`` on ``stroke``, or None if there are none."""
+        session = context.session
+        found = session_sketcher(session.model).recognise(stroke, session.coefficients, feature=feature)
+        return next((c for c in found.candidates if c.feature == feature and c.points), None)
+
+    # Unfinished work
+
+    def remove_at(self, position: Pixel, context: ToolContext) -> bool:
+        """Remove the sketch, or the unnamed stroke, at ``position``; return True if there was one."""
+        index = self.sketch_at(position, context)
+        if index is not None:
+            if context.session.document.constraints[index].locked:
+                return False
+            self._remove(index, "Remove a sketch", context)
+            return True
+        return self.unnamed_at(position, context) and self.discard()
+
+    @property
+    def can_step_back(self) -> bool:
+        """True if the last stroke is not recognised."""
+        return self.waiting is not None or self.unnamed is not None
+
+    def step_back(self) -> bool:
+        """Discard the stroke that is not recognised; return True if there was one."""
+        return self.discard()
+
+    def discard(self) -> bool:
+        """Discard the stroke that is not recognised; return True if there was one."""
+        had = self.can_step_back
+        self.waiting = self.unnamed = None
+        return had
+
+    def hint(self, context: ToolContext) -> str:
+        """Return the effect of a press, for the status bar."""
+        if self.waiting is not None:
+            return "Preparing the recogniser for this character...   ·   Esc: discard the stroke"
+        if self.unnamed is not None:
+            return f"{UNRECOGNISED}   ·   draw it again, or click the stroke to name it   ·   Esc: discard it"
+        return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the face: orbit"
+
+
+def _inside(box: Box | None, position: Pixel) -> bool:
+    return box is not None and box[0] <= position[0] < box[2] and box[1] <= position[1] < box[3]
+
+
+def _length(path: list[Pixel]) -> float:
+    return float(np.hypot(*np.diff(np.array(path), axis=0).T).sum()) if len(path) > 1 else 0.0

@@ -1,0 +1,282 @@
+"""Sketches of the features of a known pose bring it back, however they are drawn."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from faceposer.geometry.alignment import Similarity
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import FEATURES, feature_curves
+from faceposer.solve.conflicts import find_conflicts
+from faceposer.solve.constraints.registry import constraint_from_json
+from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.solve.map_solver import solve
+from faceposer.solve.problem import PoseProblem
+
+Array = np.ndarray
+EXPRESSION = {
+    "browInnerUp": 0.6,
+    "browOuterUpLeft": 0.5,
+    "jawOpen": 0.3,
+    "mouthSmileLeft": 0.5,
+    "mouthSmileRight": 0.3,
+    "eyeBlinkLeft": 0.5,
+    "eyeBlinkRight": 0.3,
+}
+
+
+def view_of(model: FaceModel, name: str) -> Camera:
+    lower, upper = model.character.vertices.min(axis=0), model.character.vertices.max(axis=0)
+    return OrbitView.preset(lower, upper, name).camera((900, 800))
+
+
+@pytest.fixture(params=["front", "three-quarter"])
+def camera(request: pytest.FixtureRequest, model: FaceModel) -> Camera:
+    return view_of(model, request.param)
+
+
+def curve_pixels(model: FaceModel, feature: str, p: Array, camera: Camera) -> Array:
+    return camera.project(model.positions_at(feature_curves(model.character)[feature][0].points, p))
+
+
+def drawn(
+    model: FaceModel, feature: str, p: Array, camera: Camera, backwards: bool = False, keep: slice = slice(None)
+) -> SketchConstraint:
+    """Return a sketch of ``feature`` as it looks at ``p``, of the feature points that ``keep`` selects."""
+    curve = feature_curves(model.character)[feature][0]
+    pixels = curve_pixels(model, feature, p, camera)
+    knots = curve.knots[: len(FEATURES[feature].chains[0])][keep]
+    matched = tuple(zip(FEATURES[feature].chains[0][keep], as_pixels(pixels[knots]), strict=True))
+    part = pixels if keep == slice(None) else pixels[knots[0] : knots[-1] + 1]
+    stroke = as_pixels(part[::-1] if backwards else part)
+    return SketchConstraint(stroke, camera, feature, matched).resolved(model, p)
+
+
+def off(model: FaceModel, feature: str, p: Array, truth: Array, camera: Camera) -> float:
+    a, b = (curve_pixels(model, feature, pose, camera) for pose in (p, truth))
+    return float(np.hypot(*(a - b).T).mean())
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_each_feature_takes_the_drawn_shape(model: FaceModel, camera: Camera, backwards: bool) -> None:
+    truth = model.coefficients_of(EXPRESSION)
+    for feature in sorted(set(FEATURES) - {"mouth line"}):
+        sketch = drawn(model, feature, truth, camera, backwards)
+        p = solve(PoseProblem(model, [sketch]), model.neutral()).coefficients
+        before = off(model, feature, model.neutral(), truth, camera)
+        # A stroke determines the course of a cheek, not where on it each point is, and cheeks are stiff.
+        cheek = "cheek" in feature
+        assert cheek or off(model, feature, p, truth, camera) < max(0.4 * before, 1.0), feature
+        assert sketch.residual_px(model, p) < (3.5 if cheek else 1.6), feature
+        assert sketch.residual_px(model, truth) < 1.0, feature
+
+
+def test_sketches_of_brows_lids_and_lips_bring_back_the_face(model: FaceModel, camera: Camera) -> None:
+    truth = model.coefficients_of(EXPRESSION)
+    sides = [f"{side} {name}" for side in ("left", "right") for name in ("brow", "upper lid", "lower lid")]
+    lips = [f"{edge} {which} lip" for edge in ("outer", "inner") for which in ("upper", "lower")]
+    sketches = [drawn(model, feature, truth, camera) for feature in (*sides, *lips)]
+    p = solve(PoseProblem(model, sketches), model.neutral()).coefficients
+    regions = model.character.regions
+    ids = np.concatenate([regions[name] for name in ("mouth", "brow_left", "brow_right", "lids_left", "lids_right")])
+    error, moved = (
+        np.linalg.norm((model.instance(truth) - model.instance(pose))[ids], axis=1).mean()
+        for pose in (p, model.neutral())
+    )
+    assert error < 0.25 * moved
+    assert find_conflicts(PoseProblem(model, sketches), p) == []
+
+
+def test_errors_of_a_hand_cost_less_than_they_are(model: FaceModel) -> None:
+    """Shifts of 6 px, of each stroke its own, and smooth deviations of 3 px leave most of the expression."""
+    camera, truth = view_of(model, "front"), model.coefficients_of(EXPRESSION)
+    features = ("left brow", "right brow", "outer upper lip", "outer lower lip", "inner upper lip", "inner lower lip")
+    ids = np.concatenate([model.character.regions[name] for name in ("mouth", "brow_left", "brow_right")])
+    errors = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        sketches = []
+        for feature in features:
+            exact = drawn(model, feature, truth, camera)
+            at = np.linspace(0.0, 1.0, len(exact.stroke))[:, None]
+            waves = rng.normal(0.0, 2.1, (2, 2))
+            bend = waves[0] * np.sin(2.0 * np.pi * at) + waves[1] * np.cos(3.0 * np.pi * at)
+            stroke = as_pixels(np.array(exact.stroke) + bend + rng.normal(0.0, 6.0, 2))
+            knots = feature_curves(model.character)[feature][0].knots
+            matched = tuple(zip(FEATURES[feature].points, [stroke[k] for k in knots], strict=True))
+            sketches.append(replace(exact, stroke=stroke, matched=matched).resolved(model, truth))
+        p = solve(PoseProblem(model, sketches), model.neutral()).coefficients
+        errors.append(np.linalg.norm((model.instance(truth) - model.instance(p))[ids], axis=1).mean())
+    moved = np.linalg.norm((model.instance(truth) - model.character.vertices)[ids], axis=1).mean()
+    assert np.mean(errors) < 0.5 * moved
+
+
+def test_a_heavier_sketch_is_followed_more_closely(model: FaceModel, camera: Camera) -> None:
+    sketch = drawn(model, "left brow", model.neutral(), camera).nudged((0.0, -10.0))
+    residuals = []
+    for weight in (0.1, 1.0, 10.0):
+        heavier = replace(sketch, weight=weight)
+        residuals.append(solve(PoseProblem(model, [heavier]), model.neutral()).residuals_px[0])
+    assert residuals == sorted(residuals, reverse=True)
+    assert residuals[-1] < 1.5
+
+
+def test_a_line_along_the_mouth_closes_both_lips_on_it(model: FaceModel, camera: Camera) -> None:
+    smile = model.coefficients_of({"mouthSmileLeft": 0.7, "mouthSmileRight": 0.7})
+    upper = drawn(model, "inner upper lip", smile, camera)
+    line = replace(upper, feature="mouth line").resolved(model, smile)
+    assert len(line.points) > 1.8 * len(upper.points)
+    opened = model.coefficients_of({"jawOpen": 0.4})
+    p = solve(PoseProblem(model, [line], start=opened), opened).coefficients
+    for lip in ("inner upper lip", "inner lower lip"):
+        assert off(model, lip, p, smile, camera) < 0.35 * off(model, lip, opened, smile, camera)
+
+
+def test_closed_features_are_drawn_from_any_point_in_both_directions(model: FaceModel, camera: Camera) -> None:
+    truth = model.coefficients_of(EXPRESSION)
+    for feature in ("mouth outline", "left eye outline"):
+        whole = drawn(model, feature, truth, camera)
+        loop = np.array(whole.stroke[:-1])
+        for shift in (0, len(loop) // 3, len(loop) // 2):
+            for way in (1, -1):
+                turned = np.roll(loop, shift, axis=0)[::way]
+                sketch = replace(whole, stroke=as_pixels(turned)).resolved(model, truth)
+                assert len(sketch.points) == len(whole.points)
+                reached = camera.project(model.positions_at(sketch.points, truth))
+                assert np.hypot(*(reached - sketch.on_face.targets).T).mean() < 3.0
+
+
+def test_a_part_of_an_outline_moves_only_that_part(model: FaceModel) -> None:
+    camera, truth = view_of(model, "front"), model.coefficients_of(EXPRESSION)
+    part = drawn(model, "mouth outline", truth, camera, keep=slice(2, 5))
+    names = [FEATURES["mouth outline"].points[i] for i in (2, 3, 4)]
+    ids = [model.character.feature_points[name] for name in names]
+    places = part.points.positions(model.character.vertices, model.triangles)
+    span = model.character.vertices[ids]
+    assert len(part.points) < 30
+    assert places[:, 0].min() > span[:, 0].min() - 0.3
+    assert places[:, 0].max() < span[:, 0].max() + 0.3
+
+
+def test_points_between_matched_ones_correspond_by_length(model: FaceModel) -> None:
+    camera = view_of(model, "front")
+    sketch = drawn(model, "outer upper lip", model.neutral(), camera)
+    # The middle third drawn at twice the scale: pieces stretch on their own.
+    names = dict(sketch.matched)
+    assert list(names) == list(FEATURES["outer upper lip"].points)
+    flat = [(100.0, 300.0), (600.0, 300.0)]
+    at = np.linspace(100.0, 600.0, 7) + (0, 0, 0, 40, 0, 0, 0)
+    straight = replace(
+        sketch, stroke=as_pixels(flat), matched=tuple((name, (u, 300.0)) for name, u in zip(names, at, strict=True))
+    ).resolved(model, model.neutral())
+    traced = straight.on_face
+    np.testing.assert_allclose(traced.targets[traced.matched][:, 0], at, atol=1e-6)
+    np.testing.assert_allclose(traced.targets[:, 1], 300.0, atol=1e-6)
+    assert (np.diff(traced.targets[:, 0]) > 0).all()
+    knots = np.flatnonzero(traced.matched)
+    for a, b in pairwise(knots.tolist()):
+        steps = np.diff(traced.targets[a : b + 1, 0])
+        assert steps.max() < 2.5 * steps.min()
+
+
+def test_matched_points_out_of_order_are_left_to_the_line(model: FaceModel, camera: Camera) -> None:
+    truth = model.coefficients_of(EXPRESSION)
+    sketch = drawn(model, "outer upper lip", truth, camera)
+    (name, _), (_, far) = sketch.matched[1], sketch.matched[-2]
+    matched = (sketch.matched[0], (name, far), *sketch.matched[2:])
+    swapped = replace(sketch, matched=matched).resolved(model, truth)
+    assert swapped.on_face.matched.sum() == len(matched) - 1
+    reached = camera.project(model.positions_at(swapped.points, truth))
+    assert np.hypot(*(reached - swapped.on_face.targets).T).mean() < 3.0
+
+
+def test_a_single_matched_point_is_enough(model: FaceModel, camera: Camera) -> None:
+    truth = model.coefficients_of(EXPRESSION)
+    for backwards in (False, True):
+        sketch = drawn(model, "left brow", truth, camera, backwards)
+        single = replace(sketch, matched=sketch.matched[1:2]).resolved(model, truth)
+        reached = camera.project(model.positions_at(single.points, truth))
+        assert np.hypot(*(reached - single.on_face.targets).T).mean() < 4.0
+
+
+def test_strokes_far_outside_and_tiny_ones_give_finite_poses(model: FaceModel, camera: Camera) -> None:
+    for stroke in ([(-1e6, -1e6), (1e6, 1e6)], [(9e5, 9e5), (9e5 + 1e-3, 9e5)], [(400.0, 400.0), (400.0, 400.1)]):
+        for feature in ("left brow", "mouth outline", "mouth line"):
+            names = FEATURES[feature].chains[0]
+            matched = ((names[0], stroke[0]), (names[1], stroke[1]))
+            sketch = SketchConstraint(as_pixels(stroke), camera, feature, matched).resolved(model, model.neutral())
+            solution = solve(PoseProblem(model, [sketch]), model.neutral())
+            assert np.isfinite(solution.coefficients).all()
+            assert np.isfinite(solution.residuals_px).all()
+
+
+def test_a_moved_sketch_is_the_sketch_drawn_there(model: FaceModel, camera: Camera) -> None:
+    sketch = drawn(model, "left brow", model.coefficients_of(EXPRESSION), camera)
+    moved = sketch.nudged((3.0, -7.0))
+    again = constraint_from_json(moved.to_json(), "constraints[0]").resolved(model, model.neutral())
+    assert again == moved
+    np.testing.assert_allclose(again.points.faces, moved.points.faces)
+    np.testing.assert_allclose(again.on_face.targets, moved.on_face.targets, atol=1e-6)
+
+
+def test_mirrored_sketches_do_the_same_across(model: FaceModel, camera: Camera) -> None:
+    mirror = SurfaceMirror(model.character.vertices, model.triangles, 0.05)
+    truth = model.coefficients_of(EXPRESSION)
+    for feature in ("left brow", "right upper lid", "left eye outline", "right nose wing", "left cheek line"):
+        sketch = drawn(model, feature, truth, camera)
+        across = sketch.mirrored(mirror, model, model.neutral())
+        assert across is not None
+        assert across.feature == FEATURES[feature].mirror
+        assert across.mirrored(mirror, model, model.neutral()) == pytest.approx(sketch) or (
+            np.abs(np.array(across.mirrored(mirror, model, truth).stroke) - sketch.stroke).max() < 0.1
+        )
+        p = solve(PoseProblem(model, [sketch, across]), model.neutral()).coefficients
+        vertices = model.instance(p)
+        np.testing.assert_allclose(vertices[mirror.vertices] * (-1, 1, 1), vertices, atol=0.05)
+
+
+def test_a_mirrored_mouth_is_the_mouth(model: FaceModel, camera: Camera) -> None:
+    mirror = SurfaceMirror(model.character.vertices, model.triangles, 0.05)
+    sketch = drawn(model, "outer upper lip", model.coefficients_of({"mouthSmileLeft": 0.8}), camera)
+    across = sketch.mirrored(mirror, model, model.neutral())
+    assert across is not None
+    assert across.feature == "outer upper lip"
+    p = solve(PoseProblem(model, [across]), model.neutral()).coefficients
+    other = model.coefficients_of({"mouthSmileRight": 0.8})
+    assert off(model, "outer upper lip", p, other, across.camera) < 2.0
+
+
+def test_a_sketch_follows_its_character_to_another_version(model: FaceModel, camera: Camera) -> None:
+    sketch = drawn(model, "left brow", model.coefficients_of(EXPRESSION), camera)
+    assert sketch.places is None
+    assert sketch.with_rest(model).rest is None
+    frame = Similarity(np.eye(3), np.array([0.0, 5.0, 0.0]), np.asarray(2.0))
+    moved = sketch.rebound(None, frame, np.zeros((0, 3)))
+    assert (moved.stroke, moved.matched) == (sketch.stroke, sketch.matched)
+    point = model.character.vertices[:1].astype(float)
+    np.testing.assert_allclose(moved.camera.project(frame.apply(point)), camera.project(point), atol=1e-6)
+    with pytest.raises(RuntimeError, match="not resolved"):
+        _ = moved.points
+
+
+def test_a_feature_that_the_character_lacks_is_refused(model: FaceModel, camera: Camera) -> None:
+    sketch = drawn(model, "left brow", model.neutral(), camera)
+    points = {name: vertex for name, vertex in model.character.feature_points.items() if not name.startswith("4.")}
+    titles = {name: title for name, title in model.character.feature_titles.items() if name in points}
+    browless = replace(model, character=replace(model.character, feature_points=points, feature_titles=titles))
+    with pytest.raises(ValueError, match=r"the character has no left brow: it lacks the feature points 4.1, 4.3, 4.5"):
+        sketch.resolved(browless, model.neutral())
+    assert drawn(model, "right brow", model.neutral(), camera).mirrored(None, browless, model.neutral()) is None
+
+
+def test_sketches_that_contradict_are_reported(model: FaceModel, camera: Camera) -> None:
+    sketch = drawn(model, "left brow", model.neutral(), camera)
+    up, down = sketch.nudged((0.0, -25.0)), sketch.nudged((0.0, 25.0))
+    problem = PoseProblem(model, [up, down])
+    conflicts = find_conflicts(problem, solve(problem).coefficients)
+    assert {(c.index, c.opponent) for c in conflicts} == {(0, 1), (1, 0)}

@@ -1,0 +1,349 @@
+"""Sketches by pointer, with the real recogniser: drawn, named, renamed, redrawn, moved and taken back at each stage."""
+
+import numpy as np
+import pytest
+
+from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.geometry.picture_view import PictureView
+from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import feature_curves
+from faceposer.sketch.recognition import Candidate, Recognition
+from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.tools.sketch_tool import UNNAMED, UNRECOGNISED, SketchTool
+from tests.tools.context import HeadlessContext, Pixel, along, check_stages, shifted
+
+
+@pytest.fixture
+def context(man: FaceModel) -> HeadlessContext:
+    context = HeadlessContext(man)
+    context.toolbox.choose("sketch")
+    return context
+
+
+def tool_of(context: HeadlessContext) -> SketchTool:
+    return context.toolbox.sketch_tool
+
+
+def way_of(context: HeadlessContext, feature: str, dx: float = 0.0, dy: float = 0.0) -> list[Pixel]:
+    """Return a way along ``feature`` of the present face, (dx, dy) pixels beside it."""
+    session = context.session
+    points = feature_curves(session.model.character)[feature][0].points
+    pixels = context.camera.project(session.model.positions_at(points, session.coefficients)) + (dx, dy)
+    return [(u, v) for u, v in pixels[::3].tolist()] + [(float(pixels[-1, 0]), float(pixels[-1, 1]))]
+
+
+def features(context: HeadlessContext) -> list[str]:
+    return [constraint.feature for constraint in context.constraints]
+
+
+def scribble(context: HeadlessContext) -> list[Pixel]:
+    """Return a zigzag over the nose and the cheeks."""
+    u, v = context.feature("9.3")
+    return [(u - 60 + 3 * i, v - 120 + 70 * (i % 2)) for i in range(40)]
+
+
+def test_a_brow_is_recognised_and_followed(context: HeadlessContext) -> None:
+    session, vertex = context.session, context.session.model.character.feature_points["4.3"]
+    rest = context.vertices[vertex, 1]
+    context.follow(way_of(context, "left brow", dy=-10.0))
+    (sketch,) = context.constraints
+    assert isinstance(sketch, SketchConstraint)
+    assert sketch.feature == "left brow"
+    assert {name for name, _ in sketch.matched} <= {"4.1", "4.3", "4.5"}
+    assert sketch.camera == context.camera
+    assert context.vertices[vertex, 1] > rest + 0.2
+    assert session.residuals_px[0] < 2
+    assert context.toolbox.selection == {0}
+    assert session.undo_label == "Sketch the left brow"
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_every_stage_is_taken_back(context: HeadlessContext, backwards: bool) -> None:
+    way = way_of(context, "right brow", dy=-8.0)[:: -1 if backwards else 1][::4]
+    check_stages(context, along(way))
+    assert features(context) == ["right brow"]
+    assert tool_of(context).drawing is None
+
+
+def test_the_unfinished_stroke_is_shown_and_previewed(
+    context: HeadlessContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tool = tool_of(context)
+    monkeypatch.setattr("faceposer.tools.sketch_tool._FRAME", 60.0)
+    monkeypatch.setattr("faceposer.tools.sketch_tool._PREVIEW_SHARE", 1e9)
+    way = way_of(context, "left brow", dy=-8.0)
+    for event in along(way)[:-1]:
+        context.send(*event)
+    assert tool.drawing == way
+    assert tool.preview is not None
+    assert tool.preview.feature == "left brow"
+    assert context.constraints == (), "nothing changes before the release"
+    assert context.toolbox.cancel()
+    assert tool.drawing is tool.preview is None
+
+
+def test_a_scribble_changes_nothing_and_says_so(context: HeadlessContext) -> None:
+    tool, document = tool_of(context), context.session.document
+    context.follow(scribble(context))
+    assert context.session.document is document
+    assert not context.session.can_undo
+    assert tool.unnamed is not None
+    assert UNRECOGNISED in context.toolbox.hint()
+    assert tool.can_step_back
+    context.undo()
+    assert tool.unnamed is None
+    assert UNRECOGNISED not in context.toolbox.hint()
+    context.follow(scribble(context))
+    assert context.toolbox.cancel(), "Esc discards it, too"
+    assert tool.unnamed is None
+    context.follow(scribble(context))
+    context.click(scribble(context)[3], "right")
+    assert tool.unnamed is None
+    assert context.session.document is document
+
+
+def test_a_feature_without_matched_points_counts_as_none(
+    context: HeadlessContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tool = tool_of(context)
+    found = Recognition((Candidate("jaw line", 0.9, ()),), accepted=True)
+    monkeypatch.setattr("faceposer.sketch.sketcher.Sketcher.recognise", lambda *_args, **_more: found)
+    for event in along(way_of(context, "left brow"))[:-1]:
+        context.send(*event)
+        assert tool.preview is None
+    context.send(*along(way_of(context, "left brow"))[-1])
+    assert context.constraints == ()
+    assert tool.unnamed is not None
+    assert tool.unnamed.candidates == ()
+
+
+def test_an_unnamed_stroke_is_named(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    context.follow(scribble(context))
+    context.send("press", scribble(context)[3])
+    context.send("release", scribble(context)[3])
+    if tool.unnamed is not None:
+        assert tool.listing == UNNAMED, "without candidates, a click asks for the list"
+        tool.name_stroke("jaw line", context)
+        context.session.poll()
+    assert len(context.constraints) == 1
+    assert tool.unnamed is None
+    context.undo()
+    assert context.constraints == ()
+
+
+def test_a_click_chooses_the_next_feature_as_one_step(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    context.follow(way_of(context, "inner upper lip", dy=-2.0))
+    order = [candidate.feature for candidate in tool.candidates_of(0, context)]
+    assert len(order) > 1
+    assert features(context) == order[:1]
+    drawn = context.constraints[0].stroke
+    names = []
+    for _ in order:
+        context.click(drawn[len(drawn) // 2])
+        names += features(context)
+    assert names == [*order[1:], order[0]], "each in turn, then the first again"
+    assert context.constraints[0].stroke == drawn
+    for expected in (order[0], *reversed(order), ""):
+        assert "".join(features(context)) == expected
+        context.undo()
+    context.redo()
+    assert features(context) == order[:1]
+    tool.labels = {0: (5.0, 5.0, 50.0, 20.0)}
+    context.click((10.0, 10.0))
+    assert features(context) == order[1:2], "the label is clicked like the stroke"
+    context.undo()
+    tool.lists = {0: (40.0, 5.0, 50.0, 20.0)}
+    context.click((45.0, 10.0))
+    assert tool.listing == 0
+    assert features(context) == order[:1]
+
+
+def test_what_was_replaced_by_mistake_returns(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    brow = context.constraints[0]
+    context.follow(way_of(context, "left brow", dy=-4.0))
+    assert len(context.constraints) == 1, "a feature is redrawn"
+    assert context.constraints[0] != brow
+    assert tool.choose_feature(0, "left upper lid", context)
+    assert sorted(features(context)) == ["left brow", "left upper lid"]
+    assert brow in context.constraints
+
+
+def test_any_feature_can_be_chosen(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    context.change(0, weight=3.0)
+    assert tool.choose_feature(0, "right brow", context)
+    assert features(context) == ["right brow"]
+    assert context.constraints[0].weight == 3.0
+    assert not tool.choose_feature(0, "right brow", context), "it is the present one"
+    context.change(0, locked=True)
+    assert not tool.choose_feature(0, "left brow", context)
+
+
+def test_candidates_of_a_sketch_from_a_file_are_found_again(man: FaceModel, context: HeadlessContext) -> None:
+    context.follow(way_of(context, "inner upper lip", dy=-2.0))
+    opened = HeadlessContext(man, context.session.document)
+    opened.toolbox.choose("sketch")
+    drawn = opened.constraints[0].stroke
+    opened.click(drawn[len(drawn) // 2])
+    assert features(opened) != features(context)
+
+
+def test_several_features_add_up_and_are_removed(context: HeadlessContext) -> None:
+    names = ["left brow", "right brow", "outer lower lip"]
+    for name in names:
+        context.follow(way_of(context, name, dy=8.0 if "lip" in name else -8.0))
+    assert features(context) == names
+    context.click(context.constraints[1].stroke[20], "right")
+    assert features(context) == ["left brow", "outer lower lip"]
+    context.toolbox.select(0)
+    assert context.toolbox.delete_selected()
+    assert features(context) == ["outer lower lip"]
+    context.change(0, locked=True)
+    context.click(context.constraints[0].stroke[20], "right")
+    assert features(context) == ["outer lower lip"]
+
+
+def test_symmetry_draws_the_other_side(context: HeadlessContext) -> None:
+    context.toolbox.tool_settings.symmetry.on = True
+    check_stages(context, along(way_of(context, "left brow", dy=-8.0)[::4]))
+    assert features(context) == ["left brow", "right brow"]
+    ids = context.session.model.character.feature_points
+    left, right = (context.vertices[ids[name], 1] for name in ("4.3", "4.4"))
+    assert left == pytest.approx(right, abs=0.05)
+    before = context.constraints
+    way = [before[0].stroke[15], shifted(before[0].stroke[15], 0, -9)]
+    context.follow(way, "shift")
+    moved = context.constraints
+    assert len(moved) == 2
+    assert all(new.stroke[0][1] == pytest.approx(old.stroke[0][1] - 9) for old, new in zip(before, moved, strict=True))
+    tool_of(context).choose_feature(0, "left upper lid", context)
+    assert sorted(features(context)) == ["left upper lid", "right upper lid"]
+    context.undo()
+    context.click(context.constraints[0].stroke[15], "right")
+    assert context.constraints == ()
+
+
+def test_half_a_lip_is_completed_by_symmetry(context: HeadlessContext) -> None:
+    context.toolbox.tool_settings.symmetry.on = True
+    way = way_of(context, "outer lower lip", dy=8.0)
+    middle = context.feature("8.2")[0]
+    context.follow([place for place in way if place[0] >= middle - 1])
+    assert features(context) == ["outer lower lip", "outer lower lip"]
+    names = [{name for name, _ in constraint.matched} for constraint in context.constraints]
+    assert "8.3" in names[0]
+    assert "8.4" in names[1]
+    context.undo()
+    context.follow(way)
+    assert features(context) == ["outer lower lip"], "a whole lip has no other side"
+
+
+def test_a_sketch_is_moved_by_the_pointer(context: HeadlessContext) -> None:
+    context.follow(way_of(context, "left brow", dy=-4.0))
+    begun = context.constraints[0]
+    way = [begun.stroke[20], shifted(begun.stroke[20], 2, -3), shifted(begun.stroke[20], 3, -8)]
+    check_stages(context, along(way, "shift"))
+    moved = context.constraints[0]
+    np.testing.assert_allclose(np.subtract(moved.stroke, begun.stroke), np.tile((3, -8), (len(begun.stroke), 1)))
+    assert [name for name, _ in moved.matched] == [name for name, _ in begun.matched]
+
+
+def test_a_view_from_the_side(context: HeadlessContext) -> None:
+    vertices = context.session.model.character.vertices
+    context.view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), "three-quarter")
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    assert features(context) == ["left brow"]
+    assert context.session.residuals_px[0] < 3
+    context.view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0))
+    stroke = context.constraints[0].stroke
+    assert tool_of(context).sketch_at(stroke[20], context) is None, "strokes of other views are out of reach"
+
+
+def test_over_a_photo_from_a_tilted_camera(context: HeadlessContext) -> None:
+    angle = np.radians(12.0)
+    roll = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    taken = Camera(roll @ np.diag([1.0, -1.0, -1.0]), np.array([3.0, -2.0, 80.0]), 1900.0, (900, 700))
+    context.view = PictureView.whole(taken, (0.0, 0.0, 0.0)).zoomed(1.3)  # type: ignore[assignment]
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    assert features(context) == ["left brow"]
+    (sketch,) = context.constraints
+    assert sketch.camera.same_viewpoint(taken)
+    assert context.session.residuals_px[0] < 3
+    place = sketch.stroke[20]
+    context.view = context.view.zoomed(1.5)
+    seen = sketch.camera.transferred(place, context.camera)
+    assert seen is not None
+    assert tool_of(context).sketch_at(seen, context) == 0, "it follows the zoom of the photo"
+    # Zoomed while it is drawn, a stroke stays where it is in the photo.
+    way = way_of(context, "outer lower lip", dy=10.0)
+    camera = context.camera
+    context.send("press", way[0])
+    for i, pixel in enumerate(way[1:]):
+        if i == len(way) // 2:
+            context.send("wheel", pixel, None, wheel=-1.0)
+        context.send("move", camera.transferred(pixel, context.camera) or pixel)
+    context.send("release", camera.transferred(way[-1], context.camera) or way[-1])
+    assert features(context) == ["left brow", "outer lower lip"]
+    assert context.constraints[1].camera == camera
+    np.testing.assert_allclose(context.constraints[1].stroke[-1], way[-1], atol=1e-6)
+
+
+def test_a_stroke_waits_for_the_recogniser(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    ready: list[bool] = []
+    tool.preparing = lambda: not ready
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    assert context.constraints == ()
+    assert tool.waiting is not None
+    assert "Preparing" in context.toolbox.hint()
+    assert not tool.advance(context)
+    ready.append(True)
+    assert tool.advance(context)
+    context.session.poll()
+    assert features(context) == ["left brow"]
+    ready.clear()
+    context.follow(way_of(context, "right brow", dy=-8.0))
+    assert context.toolbox.cancel()
+    ready.append(True)
+    assert not tool.advance(context), "Esc discards what waits"
+
+
+def test_where_a_press_draws(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    assert not tool.works_at((3.0, 3.0), context)
+    below = shifted(context.feature("2.1"), 0, 12)
+    assert context.pick(below) is None or tool.works_at(below, context)
+    assert tool.works_at(below, context)
+    view = context.view
+    context.drag((3.0, 3.0), (60.0, 3.0))
+    assert context.view != view, "elsewhere, the view turns"
+    context.view = view
+    context.click(below)
+    assert context.constraints == ()
+    assert tool.unnamed is None, "a click is no stroke"
+
+
+def test_hidden_and_locked_sketches(context: HeadlessContext) -> None:
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    place = context.constraints[0].stroke[20]
+    assert context.toolbox.sketch_tool.sketch_at(place, context) == 0
+    context.unmarked = frozenset({0})
+    assert context.toolbox.sketch_tool.sketch_at(place, context) is None
+    context.unmarked = frozenset()
+    context.change(0, locked=True)
+    before = context.constraints
+    context.click(place)
+    context.follow([place, shifted(place, 0, -9)], "shift")
+    assert context.constraints == before
+
+
+def test_the_pressure_of_a_pen_is_harmless(context: HeadlessContext) -> None:
+    from faceposer.tools.tool import PointerEvent
+
+    for kind, at, *_ in along(way_of(context, "left brow", dy=-8.0)):
+        context.toolbox.dispatch(PointerEvent(kind, at, "left", pressure=0.0))
+    assert features(context) == ["left brow"]
