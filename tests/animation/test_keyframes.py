@@ -178,6 +178,11 @@ def test_wrong_animations_are_refused_with_their_place(model: FaceModel) -> None
     ):
         with pytest.raises(FacePoserError, match=expected):
             convert(good.to_json() | change, KeyframesJson, "animation")
-    for wrong in ({"rate": -1.0}, {"inbetweens": "points"}, {"length": 0}, {"keys": (Key.of(3, [0.0]), Key.of(3, [0.0]))}):
+    for wrong in (
+        {"rate": -1.0},
+        {"inbetweens": "points"},
+        {"length": 0},
+        {"keys": (Key.of(3, [0.0]), Key.of(3, [0.0]))},
+    ):
         with pytest.raises(ValueError, match=r".+"):
             Keyframes(**wrong)  # type: ignore[arg-type]

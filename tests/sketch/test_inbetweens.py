@@ -47,7 +47,8 @@ def test_feature_points_follow_a_cardinal_spline(low: FaceModel) -> None:
 
 def test_few_dimensions_keep_what_expressions_have_in_common(low: FaceModel, faces: PointFaces) -> None:
     poses = draws(low, 40)
-    errors = [((PointFaces.fit(faces.training, q).poses_of(faces.points_of(poses)) - poses) ** 2).sum() for q in (4, 20)]
+    fitted = [PointFaces.fit(faces.training, dimensions) for dimensions in (4, 20)]
+    errors = [((one.poses_of(one.points_of(poses)) - poses) ** 2).sum() for one in fitted]
     assert errors[1] < 0.5 * errors[0] < 0.5 * (poses**2).sum()
     assert faces.mapping is not None
     assert faces.mapping.points.n_dimensions == DIMENSIONS
