@@ -13,7 +13,6 @@ from faceposer.session.sketching import session_sketcher
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
-from faceposer.tools.point_tool import CLICK_THRESHOLD
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
 from faceposer.tools.sketch_edits import (
     depicting,
@@ -37,8 +36,8 @@ Box = tuple[float, float, float, float]
 UNNAMED = -1
 #: Message on a stroke that depicts no feature.
 UNRECOGNISED = "No feature recognised: nothing has changed"
-# In pixels at normal density: reach of strokes, length of the shortest stroke, and of the shortest that is previewed.
-_REACH, _SHORTEST, _PREVIEWED = 7.0, 14.0, 30.0
+# In pixels at normal density: reach of strokes, extent of the largest click, length from which a stroke is previewed.
+_REACH, _CLICK, _PREVIEWED = 7.0, 6.0, 30.0
 # Extent around the features, as a share of theirs, in which a press begins a stroke.
 _AROUND = 0.25
 # Seconds that the recognition of an unfinished stroke may take, and its largest share of the time of drawing.
@@ -163,12 +162,10 @@ class SketchTool(PosingTool):
                     previewed = time.perf_counter()
         finally:
             self.drawing = self.preview = None
-        if max(math.dist(path[0], position) for position in path) < CLICK_THRESHOLD * context.ui_scale:
+        if max(math.dist(path[0], position) for position in path) < _CLICK * context.ui_scale:
             self._click(path[0], context)
             return
         self.unnamed = None
-        if _length(path) < _SHORTEST * context.ui_scale:
-            return
         self.waiting = DrawnStroke(smoothed(path), camera)
         self.advance(context)
 
@@ -274,11 +271,12 @@ class SketchTool(PosingTool):
         """Return the features that sketch ``index`` may depict, the most probable first, from its recognition."""
         sketch = context.session.document.constraints[index]
         assert isinstance(sketch, SketchConstraint)
-        found = self.known.candidates(sketch)
-        if not found and not self.preparing():
-            # Drawn in another session: recognised again, without what it was taken for.
-            _, found = self._candidates(drawn_stroke(sketch), context, without=index)
-            self.known.remember(sketch, found, ())
+        known = self.known.candidates(sketch)
+        if known is not None or self.preparing():
+            return known or ()
+        # Drawn in another session: recognised again, without what it was taken for.
+        _, found = self._candidates(drawn_stroke(sketch), context, without=index)
+        self.known.remember(sketch, found, ())
         return found
 
     def choose_next(self, index: int, context: ToolContext) -> bool:
