@@ -15,6 +15,7 @@ from faceposer.session.sketch_strokes import add_stroke
 from faceposer.sketch.recognition import DrawnStroke, Recognition
 from faceposer.sketch.sketcher import DEFAULT_RECOGNITION, RECOGNISERS
 from faceposer.solve.constraints.base import LARGEST_WEIGHT
+from faceposer.solve.constraints.codec import LARGEST_PIXEL
 from faceposer.solve.constraints.sketch import MOST_STROKE_POINTS, SKETCH_METHODS, SketchMethod
 
 
@@ -64,6 +65,8 @@ class SketchingMixin:
         pixels = pixels_of(stroke)
         if not 2 <= len(pixels) <= MOST_STROKE_POINTS:
             raise FacePoserError(f"A stroke must have from 2 to {MOST_STROKE_POINTS} points, not {len(pixels)}.")
+        if np.abs(pixels).max() > LARGEST_PIXEL:
+            raise FacePoserError(f"The pixels of a stroke must be from {-LARGEST_PIXEL:g} to {LARGEST_PIXEL:g}.")
         if feature is not None:
             checks.one_of(feature, tuple(FEATURES), "A feature")
             missing = [name for name in FEATURES[feature].points if name not in character.feature_points]

@@ -27,7 +27,7 @@ def solve_report(model: FaceModel, document: Document, solution: Solution) -> di
 
 
 def sketch_report(recognised: Sequence[Recognition], seconds: float) -> dict[str, Any]:
-    """Return the report of ``recognised`` strokes, ready for JSON (docs/sketching-files.md); the work took ``seconds``."""
+    """Return the report of ``recognised`` strokes, for JSON (docs/sketching-files.md), after ``seconds`` of work."""
     return {"strokes": [_stroke_report(found) for found in recognised], "seconds": seconds}
 
 

@@ -5,7 +5,8 @@ most. Curves are linear in p in space and, linearised at m, in the image.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,8 @@ _LINE_DIRECTIONS = 8
 _NORMAL_RADIUS = 0.035
 # Cosine of the angle to the camera at which half of a place counts as visible, and its softness.
 _FACING, _SOFTNESS = -0.15, 0.08
-# Face height in units of the hand.
-_FACE_SIZE = 720.0
+#: Height of a face in units of the hand.
+FACE_SIZE = 720.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,12 @@ class FeatureRows:
     gap_slices: dict[str, slice]
     size: float
     middle: Array
+
+    @cached_property
+    def gram(self) -> Array:
+        """Inner products of the points' derivatives, shape (r, r)."""
+        flat = self.jacobian.reshape(-1, self.jacobian.shape[-1])
+        return flat.T @ flat
 
     @classmethod
     def of(cls, model: FaceModel) -> "FeatureRows":
@@ -166,32 +173,66 @@ def _mean_normals(model: FaceModel, places: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseDensity:
-    """Poses p = mean + factor z with z standard normal, a component of a mixture.
+class PoseMixture:
+    """Poses p = base + L z with z from a mixture of Gaussians of unit covariance, one about each training pose.
 
     Attributes:
-        mean: Shape (r,).
-        factor: Shape (r, q).
-        weight: Share of the component.
+        base: Pose at which curves are linearised, shape (r,).
+        factor: L, shape (r, q).
+        means: Mean of z of each component, shape (n, q).
+        log_weights: Logarithm of the share of each component, shape (n,).
     """
 
-    mean: Array
+    base: Array
     factor: Array
-    weight: float = 1.0
+    means: Array
+    log_weights: Array
 
-    def updated(self, mean: Array, root: Array) -> "PoseDensity":
-        """Return the density for z = ``mean`` + ``root`` w, with w standard normal."""
-        return PoseDensity(self.mean + self.factor @ mean, self.factor @ root, self.weight)
+    @classmethod
+    def of(cls, coefficients: Array, rows: FeatureRows, spread: float) -> "PoseMixture":
+        """Return the density about the training poses ``coefficients``, shape (n, r).
 
+        Args:
+            coefficients: The poses.
+            rows: The lines; directions are chosen by their motion.
+            spread: Spread of the components, as a share of that of all poses.
+        """
+        base = coefficients.mean(axis=0)
+        scaled = (coefficients - base).T / np.sqrt(max(len(coefficients) - 1, 1))
+        _, vectors = np.linalg.eigh(scaled.T @ rows.gram @ scaled)
+        chosen = vectors[:, ::-1][:, :DIRECTIONS]
+        # The poses in these directions, in which they have unit covariance.
+        latent = chosen * np.sqrt(max(len(coefficients) - 1, 1))
+        count = len(coefficients)
+        return cls(base, spread * (scaled @ chosen), latent / spread, np.full(count, -np.log(count)))
 
-def principal_factor(coefficients: Array, rows: FeatureRows) -> tuple[Array, Array]:
-    """Return mean, (r,), and factor, (r, q), of training ``coefficients``, (n, r)."""
-    mean = coefficients.mean(axis=0)
-    scaled = (coefficients - mean).T / np.sqrt(max(len(coefficients) - 1, 1))
-    flat = rows.jacobian.reshape(-1, rows.jacobian.shape[-1])
-    gram = flat.T @ flat
-    _, vectors = np.linalg.eigh(scaled.T @ gram @ scaled)
-    return mean, scaled @ vectors[:, ::-1][:, :DIRECTIONS]
+    def with_pose(self, pose: Array, rows: FeatureRows, share: float) -> "PoseMixture":
+        """Return the mixture with a further component about ``pose``, shape (r,), of weight ``share``."""
+        moved = self.factor.T @ rows.gram
+        system = moved @ self.factor
+        system[np.diag_indices_from(system)] += 1e-6 * max(float(np.trace(system)) / len(system), 1e-12)
+        at = np.linalg.solve(system, moved @ (pose - self.base))
+        weights = np.append(self.log_weights + np.log1p(-share), np.log(share))
+        return replace(self, means=np.concatenate([self.means, at[None]]), log_weights=weights)
+
+    def rebased(self, at: Array) -> "PoseMixture":
+        """Return the same mixture with its base at z = ``at``, shape (q,)."""
+        return replace(self, base=self.base + self.factor @ at, means=self.means - at)
+
+    def updated(self, log_likelihood: Array, means: Array, covariance: Array) -> "PoseMixture":
+        """Return the posterior mixture.
+
+        Args:
+            log_likelihood: Log likelihood of each component, shape (n,).
+            means: Posterior mean of z of each component, shape (n, q).
+            covariance: Their common posterior covariance, shape (q, q).
+        """
+        root = np.linalg.cholesky(0.5 * (covariance + covariance.T) + 1e-9 * np.eye(len(covariance)))
+        weights = self.log_weights + log_likelihood
+        weights = weights - np.logaddexp.reduce(weights)
+        base = self.base + self.factor @ (np.exp(weights) @ means)
+        centred = means - np.exp(weights) @ means
+        return PoseMixture(base, self.factor @ root, np.linalg.solve(root, centred.T).T, weights)
 
 
 class ViewedCurves:
@@ -206,14 +247,14 @@ class ViewedCurves:
         directions: V of each line, shape (q, k).
     """
 
-    def __init__(self, rows: FeatureRows, density: PoseDensity, camera: Camera, names: Sequence[str]) -> None:
+    def __init__(self, rows: FeatureRows, density: PoseMixture, camera: Camera, names: Sequence[str]) -> None:
         """Project the lines ``names``."""
         self.rows, self.density, self.camera = rows, density, camera
         self.unit = hand_unit(rows, camera)
         self.tracks = [rows.tracks[name] for name in names]
         chosen = np.concatenate([np.arange(track.rows.start, track.rows.stop) for track in self.tracks])
         jacobian = rows.jacobian[chosen]
-        pixels, derivative = camera.project_with_jacobian(rows.neutral[chosen] + jacobian @ density.mean)
+        pixels, derivative = camera.project_with_jacobian(rows.neutral[chosen] + jacobian @ density.base)
         pixels = (pixels - camera.principal_point) / self.unit
         moves = derivative @ (jacobian @ density.factor) / self.unit
         ends = np.cumsum([track.rows.stop - track.rows.start for track in self.tracks])[:-1]
@@ -228,7 +269,7 @@ class ViewedCurves:
 def hand_unit(rows: FeatureRows, camera: Camera) -> float:
     """Return the unit of the hand in pixels of ``camera``."""
     depth = float((camera.to_camera(rows.middle[None]))[0, 2])
-    return max(camera.focal * rows.size / (_FACE_SIZE * max(depth, 1e-3)), 1e-6)
+    return max(camera.focal * rows.size / (FACE_SIZE * max(depth, 1e-3)), 1e-6)
 
 
 def visibility(rows: FeatureRows, camera: Camera) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Evidence of a whole stroke for intervals of feature curves: one Gaussian per interval and direction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,32 @@ from faceposer.sketch.hand import SAMPLES, HandModel
 from faceposer.sketch.intervals import Intervals, sampled
 
 Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
+
+# Log evidence behind the likeliest interval at which an interval is not computed exactly.
+_BEHIND = 25.0
+# Added to the information of a stroke about the pose, to invert it.
+_REGULAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Posterior of the pose for one interval of a line: a mixture with the components of the prior.
+
+    Attributes:
+        log_likelihood: Log density of the stroke for each component, shape (n,).
+        means: Posterior mean of z of each component, shape (n, q).
+        covariance: Their common covariance, shape (q, q).
+    """
+
+    log_likelihood: Array
+    means: Array
+    covariance: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Log evidence of a stroke for m intervals of some lines under one density of poses, with all of its errors.
+    """Log evidence of a stroke for m intervals of some lines.
 
     Attributes:
         tracks: The lines.
@@ -31,13 +52,9 @@ class Evidence:
     intervals: tuple[Intervals, ...]
     log_evidence: Array
     curves: ViewedCurves
-    _lower: Array
+    _inverse: Array
     _pulled: Array
-
-    def only(self, indices: Sequence[int]) -> "Evidence":
-        """Return the evidence for the lines ``indices`` alone."""
-        tracks, runs, intervals = (tuple(of[i] for i in indices) for of in (self.tracks, self.runs, self.intervals))
-        return replace(self, tracks=tracks, runs=runs, intervals=intervals)
+    _logs: Array
 
     def log_total(self, index: int, temperature: float) -> float:
         """Return the log evidence of line ``index``, summed over its intervals and directions."""
@@ -56,24 +73,38 @@ class Evidence:
             self.log_evidence[self.runs[index]] + self.intervals[index].log_weights[:, None] - np.log(2.0)
         )
 
-    def posterior(self, index: int, row: int, direction: int) -> tuple[Array, Array]:
-        """Return the posterior mean, (q,), and covariance, (q, q), of the standard normals of the pose."""
+    def posterior(self, index: int, row: int, direction: int) -> Posterior:
+        """Return the posterior of the pose for an interval of line ``index`` and a direction."""
         at = self.runs[index].start + row
-        inverse = np.linalg.inv(self._lower[at])
-        covariance = inverse.T @ inverse
-        directions = self.curves.directions[self.tracks[index].feature]
+        density, directions = self.curves.density, self.curves.directions[self.tracks[index].feature]
         size = directions.shape[1]
-        mean = directions @ (covariance @ self._pulled[at, :, direction])[:size]
-        inside = covariance[:size, :size] - np.eye(size)
-        return mean, np.eye(len(directions)) + directions @ inside @ directions.T
+        inside, shift = self._inverse[at, :size, :size], self._pulled[at, :size, direction]
+        local = density.means @ directions
+        logs = self._logs[at, direction] + local @ shift - 0.5 * (local * (local - local @ inside)).sum(axis=1)
+        means = density.means + (shift + local @ inside - local) @ directions.T
+        return Posterior(logs, means, np.eye(len(directions)) + directions @ (inside - np.eye(size)) @ directions.T)
+
+
+def nearer_evidence(found: Evidence, index: int, stroke: Array, hand: HandModel) -> Evidence:
+    """Return the evidence for line ``index`` alone, linearised again at the most probable pose.
+
+    A mouth that opens changes the share of its outline between two points; samples at even lengths are then at other
+    points of the lips.
+    """
+    posterior = found.posterior(index, *found.best(index))
+    density, name = found.curves.density, found.tracks[index].feature
+    at = posterior.means[int(np.argmax(density.log_weights + posterior.log_likelihood))]
+    curves = ViewedCurves(found.curves.rows, density.rebased(at), found.curves.camera, [name])
+    return evidence(curves, stroke, hand, [found.intervals[index]])
 
 
 def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]) -> Evidence:
     """Return the evidence of ``stroke`` for the ``intervals`` of each of the lines of ``curves``.
 
-    With the samples y = x + W e + n, where x is the mean of the curve's samples, e are the standard normals of the
-    pose and of errors along the curve, and n is the shift and jitter of the hand with precision V^T V, the density of y
-    follows from S = I + (V W)^T (V W) by the matrix inversion lemma.
+    The samples are y = x + W (z, e) + n, where x is the base's curve, z the pose, e are standard normals of errors
+    along the curve, and n is the shift and jitter of the hand with precision V^T V. With A = V W and S = I + A^T A, the
+    matrix inversion lemma gives the density about z = 0; that about z = m is its product with
+    exp(m^T S^-1 A^T V (y - x) - m^T (I - S^-1) m / 2).
 
     Args:
         curves: The lines.
@@ -100,20 +131,48 @@ def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Se
     transposed = white.transpose(0, 2, 1)
     system = transposed @ white
     system[:, np.arange(size), np.arange(size)] += 1.0
-    lower = np.linalg.cholesky(system)
-    pulled = transposed @ residual
-    forward = _forward(lower, pulled)
-    quadratic = (residual * residual).sum(axis=1) - (forward * forward).sum(axis=1)
-    log_determinant = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-    logs = hand.log_peak - log_determinant[:, None] - 0.5 * quadratic
-    return Evidence(tuple(curves.tracks), tuple(runs), tuple(intervals), logs, curves, lower, pulled)
+    inverse = np.linalg.inv(system)
+    log_determinant = np.linalg.slogdet(system)[1]
+    right = transposed @ residual
+    pulled = inverse @ right
+    quadratic = (residual * residual).sum(axis=1) - (right * pulled).sum(axis=1)
+    logs = hand.log_peak - 0.5 * (log_determinant[:, None] + quadratic)
+    mixed = _mixed(curves, runs, inverse, pulled, logs)
+    return Evidence(tuple(curves.tracks), tuple(runs), tuple(intervals), mixed, curves, inverse, pulled, logs)
 
 
-def _forward(lower: Array, right: Array) -> Array:
-    """Solve ``lower`` x = ``right`` for stacks of triangular matrices, (m, Q, Q), and sides, (m, Q, k)."""
-    solved = right.copy()
-    for row in range(lower.shape[1]):
-        if row:
-            solved[:, row] -= (lower[:, row, None, :row] @ solved[:, :row])[:, 0]
-        solved[:, row] /= lower[:, row, row, None]
-    return solved
+def _mixed(curves: ViewedCurves, runs: Sequence[slice], inverse: Array, pulled: Array, logs: Array) -> Array:
+    """Return the log density of the mixture, (m, 2), from that of a component at z = 0, ``logs``.
+
+    No component, wherever it is, gains more than half of mu^T (I - P)^-1 mu, with P the covariance and mu the mean of
+    its posterior. Where even this leaves an interval far behind the likeliest one, the sum is not computed.
+    """
+    size = next(iter(curves.directions.values())).shape[1]
+    shift = pulled[:, :size]
+    informed = np.eye(size) - inverse[:, :size, :size]
+    free = informed + _REGULAR * np.eye(size)
+    bound = logs + 0.5 * (shift * np.linalg.solve(free, shift)).sum(axis=1)
+    mixed, floor = bound - _BEHIND, -np.inf
+    density = curves.density
+    of_features = []
+    for track, run in zip(curves.tracks, runs, strict=True):
+        local = density.means @ curves.directions[track.feature]
+        products = (local[:, :, None] * local[:, None, :]).reshape(len(local), -1)
+        of_features.append((run, local, products))
+
+    def fill(rows: Ids, sides: Ids, local: Array, products: Array) -> float:
+        gains = shift[rows, :, sides] @ local.T - 0.5 * informed[rows].reshape(len(rows), -1) @ products.T
+        gains += density.log_weights
+        top = gains.max(axis=1)
+        np.exp(gains - top[:, None], out=gains)
+        mixed[rows, sides] = logs[rows, sides] + top + np.log(gains.sum(axis=1))
+        return float(mixed[rows, sides].max())
+
+    for run, *components in of_features:
+        row, side = np.unravel_index(int(np.argmax(bound[run])), bound[run].shape)
+        floor = max(floor, fill(np.array([run.start + row]), np.array([side]), *components))
+    for run, *components in of_features:
+        rows, sides = np.nonzero(bound[run] > floor - _BEHIND)
+        if len(rows):
+            fill(rows + run.start, sides, *components)
+    return mixed

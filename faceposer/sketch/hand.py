@@ -66,7 +66,7 @@ class HandModel:
             places: Samples of curves, shape (m, SAMPLES, 2).
 
         Returns:
-            Moves of the ends along the curve, slides between them, size and turn, shape (m, SAMPLES, 2, 5).
+            Moves of the ends along the curve, slides between them, size and turn, shape (m, SAMPLES, 2, 6).
         """
         share = np.linspace(0.0, 1.0, SAMPLES)[None, :, None]
         # The derivative by the share is the tangent times the length.
@@ -78,6 +78,7 @@ class HandModel:
                 along * (1.0 - share) * self.ends,
                 along * share * self.ends,
                 along * np.sin(np.pi * share) * self.slide,
+                along * np.sin(2.0 * np.pi * share) * self.slide * 0.7,
                 around * self.size,
                 turned * self.turn,
             ],

@@ -1,13 +1,13 @@
 """Probability that a feature can be drawn in a pose: inner lips of an open mouth, the line of a closed one."""
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import ndtr
 
-from faceposer.sketch.curve_density import FeatureRows
+from faceposer.sketch.curve_density import FACE_SIZE, FeatureRows
 from faceposer.sketch.evidence import Evidence
 
 #: Distance of lips or lids at which they are open, in units of the hand.
-OPEN = 7.0
+OPEN = 12.0
 # Standard deviation of this distance for which people draw one line, not two.
 _SOFTNESS = 3.0
 #: The gap that must be open (1) or closed (-1) for a feature to be drawn.
@@ -29,11 +29,13 @@ def log_openness(rows: FeatureRows, found: Evidence, index: int) -> float:
         return 0.0
     run = rows.gap_slices[state[0]]
     density = found.curves.density
-    mean, covariance = found.posterior(index, *found.best(index))
-    jacobian = rows.gaps[0][run].mean(axis=0)
-    # Upper minus lower in the direction across the face's height, in the unit of the hand.
-    scale = 720.0 / rows.size
-    gap = scale * (rows.gaps[1][run].mean(axis=0) + jacobian @ (density.mean + density.factor @ mean))
-    moves = scale * (jacobian @ density.factor)
-    deviation = float(np.sqrt(moves[1] @ covariance @ moves[1] + _SOFTNESS**2))
-    return float(log_ndtr(state[1] * (gap[1] - OPEN) / deviation))
+    posterior = found.posterior(index, *found.best(index))
+    logs = density.log_weights + posterior.log_likelihood
+    shares = np.exp(logs - np.logaddexp.reduce(logs))
+    # Upper minus lower upwards, in units of the hand.
+    scale = FACE_SIZE / rows.size
+    jacobian = scale * rows.gaps[0][run].mean(axis=0)[1]
+    moves = jacobian @ density.factor
+    gaps = scale * rows.gaps[1][run].mean(axis=0)[1] + jacobian @ density.base + posterior.means @ moves
+    deviation = float(np.sqrt(max(moves @ posterior.covariance @ moves, 0.0) + _SOFTNESS**2))
+    return float(np.log(max(shares @ ndtr(state[1] * (gaps - OPEN) / deviation), 1e-9)))

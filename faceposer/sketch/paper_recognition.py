@@ -39,9 +39,9 @@ _SAMPLES, _INDEPENDENT = 32, 6.0
 # Log probability of a start that the boundary rule rules out.
 _RULED_OUT = -30.0
 # Size of the face, as a share of the head's height squared, over which the points of other strokes are spread.
-_FACE_AREA = 0.5
+_FACE_AREA = 0.35
 # Standard deviation of a stroke from the straight line between two matched points, as a share of their distance.
-_BEND = 0.2
+_BEND = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +84,8 @@ class PaperRecogniser:
 
         The paper looks at one stroke at a time; of ``others`` nothing is used.
         """
+        if not self._chains:
+            return Recognition((), False)
         pixels = resampled(stroke.pixels, _SAMPLES)
         rays = Rays.through(stroke.camera, pixels)
         joint = self.mixture.log_joint(rays, self._surface.under(stroke.camera, pixels, pose), self._depth_error)

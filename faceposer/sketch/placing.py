@@ -13,7 +13,7 @@ from faceposer.sketch.recognition import DrawnStroke, MatchedPoint
 Array = NDArray[np.float64]
 
 # A feature point this far beyond an end of a stroke, as a share of the line, is at the end.
-_AT_END = 0.03
+_AT_END = 0.07
 
 
 def placed_points(
@@ -24,10 +24,9 @@ def placed_points(
     The curve is linearised again at the most probable pose, where intervals are compared on a finer grid.
     """
     row, direction = found.best(index)
-    mean, covariance = found.posterior(index, row, direction)
+    posterior = found.posterior(index, row, direction)
     density, track = found.curves.density, found.tracks[index]
-    root = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(covariance)))
-    nearer = density.updated(mean, root)
+    nearer = density.updated(posterior.log_likelihood, posterior.means, posterior.covariance)
     curves = ViewedCurves(found.curves.rows, nearer, found.curves.camera, [track.feature])
     coarse = found.intervals[index]
     finer = evidence(curves, samples, hand, [refined(float(coarse.begins[row]), float(coarse.ends[row]), track.closed)])

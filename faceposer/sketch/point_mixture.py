@@ -17,8 +17,8 @@ from faceposer.geometry.camera import Camera
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
 
-#: Standard deviation of a hand's error, as a share of the head's height: about 3 pixels where the head fills a window.
-HAND_ERROR = 0.005
+#: Standard deviation of a hand's error, as a share of the head's height: about 6 pixels where the head fills a window.
+HAND_ERROR = 0.01
 #: Standard deviation of the depth of the surface of another pose below a drawn point, as a share of the head's height.
 DEPTH_ERROR = 0.04
 # EM stops when the mean log likelihood per place rises by less than this.
@@ -86,7 +86,7 @@ class PointMixture:
         means = points.mean(axis=0)
         deviations = points - means
         covariances = np.einsum("nfi,nfj->fij", deviations, deviations) / n
-        fitted = cls(names, np.full(count, 1.0 / count), means, covariances, hand_error)
+        fitted = cls(names, np.full(count, 1.0 / max(count, 1)), means, covariances, hand_error)
         places = points.reshape(-1, 3)
         history: list[float] = []
         for _ in range(rounds):

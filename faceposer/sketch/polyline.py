@@ -35,7 +35,7 @@ def lengths_along(points: Array) -> Array:
 
 def at_lengths(points: Array, along: Array, lengths: ArrayLike) -> Array:
     """Return the places, (m, d), of ``lengths``, (m,), on the polyline ``points`` of lengths ``along``, (n,)."""
-    return np.stack([np.interp(lengths, along, axis) for axis in points.T], axis=1)
+    return np.stack([np.interp(np.asarray(lengths, dtype=np.float64), along, axis) for axis in points.T], axis=1)
 
 
 def evenly(points: Array, count: int) -> Array:

@@ -127,8 +127,8 @@ class Sketcher:
             start: Pose that is returned if no feature point is matched, shape (r,).
         """
         matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.matched]
-        places = self.paper.places_of(matched) if matched else {}
-        return self.paper.coefficients(places) if places else start
+        known = [match for match in matched if match[1] in self.training.index]
+        return self.paper.coefficients(self.paper.places_of(known)) if known else start
 
 
 _sketchers: "WeakKeyDictionary[FaceModel, dict[tuple[bytes, int, int], Sketcher]]" = WeakKeyDictionary()

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from threading import Lock
 
 import numpy as np
@@ -13,19 +13,18 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.curve_density import (
     FeatureRows,
-    PoseDensity,
+    PoseMixture,
     ViewedCurves,
     hand_unit,
-    principal_factor,
     visibility,
 )
-from faceposer.sketch.evidence import Evidence, evidence
+from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
 from faceposer.sketch.hand import SAMPLES, SHORTEST, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
 from faceposer.sketch.placing import placed_points
 from faceposer.sketch.polyline import evenly, lengths_along, stroke_line
-from faceposer.sketch.recognition import Candidate, DrawnStroke, Recognition
+from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 
 Array = NDArray[np.float64]
@@ -39,25 +38,29 @@ class Tuning:
         hand: Errors of the hand.
         scribbles: Density of strokes that depict nothing.
         scribble: Prior probability of such a stroke.
+        spread: Spread of poses about each training pose, as a share of that of all poses.
         present: Share of poses near the present one.
-        near: Spread of these, as a share of that of all poses.
         temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
         others: The same for the strokes that have been drawn before.
         again: Prior of a feature that has been drawn before, relative to one that has not.
+        line: Prior of the line of a closed mouth, relative to another feature.
         unseen: Least prior of a feature that faces away.
-        finalists: Number of features whose points are placed.
+        finalists: Number of features that are compared exactly.
+        rounds: Number of times that the curves of these are linearised again.
     """
 
     hand: HandModel = field(default_factory=HandModel)
     scribbles: ScribbleModel = field(default_factory=ScribbleModel)
     scribble: float = 0.2
-    present: float = 0.5
-    near: float = 0.4
+    spread: float = 0.4
+    present: float = 0.4
     temperature: float = 2.0
     others: float = 4.0
     again: float = 0.35
+    line: float = 0.5
     unseen: float = 0.003
-    finalists: int = 3
+    finalists: int = 4
+    rounds: int = 1
 
 
 # Distance of a line's middle from that of a stroke beyond which it is not considered, in units of the hand, and the
@@ -87,9 +90,8 @@ class WholeStrokeRecogniser:
         """
         self.tuning = tuning or Tuning()
         self._rows = FeatureRows.of(model)
-        mean, factor = principal_factor(np.asarray(coefficients, dtype=np.float64), self._rows)
-        self._poses = PoseDensity(mean, factor)
-        self._sequences: OrderedDict[tuple[DrawnStroke, ...], PoseDensity] = OrderedDict()
+        self._poses = PoseMixture.of(np.asarray(coefficients, dtype=np.float64), self._rows, self.tuning.spread)
+        self._sequences: OrderedDict[tuple[object, ...], PoseMixture] = OrderedDict()
         self._lock = Lock()
 
     @classmethod
@@ -110,19 +112,38 @@ class WholeStrokeRecogniser:
         if feature is None:
             names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
         drawn = {other.feature for other in others if other.feature is not None}
-        found: list[Evidence] = []
-        for density in self._densities(np.asarray(pose, dtype=np.float64), others):
-            if names:
-                intervals = [candidate_intervals(self._rows.tracks[name].closed) for name in names]
-                curves = ViewedCurves(self._rows, density, camera, names)
-                found.append(evidence(curves, samples, self.tuning.hand, intervals))
-            if len(found) == 1 and len(names) > self.tuning.finalists:
-                # Features far behind are not compared with the present pose.
-                totals = np.array([found[0].log_total(i, self.tuning.temperature) for i in range(len(names))])
-                kept = np.flatnonzero(totals > totals.max() - _HOPELESS)
-                names = [names[i] for i in kept]
-                found = [found[0].only(kept.tolist())]
-        return self._decided(stroke, samples, found, names, drawn, feature)
+        found = self._found(names, drawn, samples, np.asarray(pose, dtype=np.float64), others, camera)
+        return self._decided(stroke, samples, found, drawn, feature)
+
+    def _found(
+        self,
+        names: Sequence[str],
+        drawn: set[str],
+        samples: Array,
+        pose: Array,
+        others: Sequence[DrawnStroke],
+        camera: Camera,
+    ) -> list[tuple[Evidence, int]]:
+        """Return the evidence for each of ``names``, as the index of a line of an ``Evidence``."""
+        # A feature that is drawn again may take any shape, whatever it was before.
+        again = [name for name in names if name in drawn or drawn & set(FEATURES[name].components)]
+        new = [name for name in names if name not in again]
+        before = self._after(tuple(other for other in others if other.feature in self._rows.tracks))
+        found = []
+        for group, density in ((new, before), (again, self._poses)):
+            if not group:
+                continue
+            mixture = density.with_pose(pose, self._rows, self.tuning.present)
+            curves = ViewedCurves(self._rows, mixture, camera, group)
+            intervals = [candidate_intervals(self._rows.tracks[name].closed) for name in group]
+            of_group = evidence(curves, samples, self.tuning.hand, intervals)
+            found += [(of_group, index) for index in range(len(group))]
+        totals = [part.log_total(index, self.tuning.temperature) for part, index in found]
+        for i in np.argsort(totals)[: -1 - self.tuning.finalists : -1]:
+            for _ in range(self.tuning.rounds):
+                part, index = found[i]
+                found[i] = nearer_evidence(part, index, samples, self.tuning.hand), 0
+        return found
 
     def _samples(self, stroke: DrawnStroke) -> Array | None:
         """Return the samples of ``stroke`` in units of the hand about the principal point, (SAMPLES, 2), or None."""
@@ -143,22 +164,15 @@ class WholeStrokeRecogniser:
         near = ((middle >= low) & (middle <= high)).all(axis=1)
         return [name for name, is_near in zip(self._rows.tracks, near, strict=True) if is_near and name in names]
 
-    def _densities(self, pose: Array, others: Sequence[DrawnStroke]) -> list[PoseDensity]:
-        tuning = self.tuning
-        density = self._after(tuple(other for other in others if other.feature in self._rows.tracks))
-        return [
-            replace(density, weight=1.0 - tuning.present),
-            PoseDensity(pose, tuning.near * density.factor, tuning.present),
-        ]
-
-    def _after(self, others: tuple[DrawnStroke, ...]) -> PoseDensity:
+    def _after(self, others: tuple[DrawnStroke, ...]) -> PoseMixture:
         """Return the density of poses given the strokes drawn before."""
         if not others:
             return self._poses
+        key = tuple((other.feature, other.camera, np.asarray(other.pixels).tobytes()) for other in others)
         with self._lock:
-            known = self._sequences.get(others)
+            known = self._sequences.get(key)
             if known is not None:
-                self._sequences.move_to_end(others)
+                self._sequences.move_to_end(key)
                 return known
         before, stroke = self._after(others[:-1]), others[-1]
         samples = self._samples(stroke)
@@ -166,52 +180,51 @@ class WholeStrokeRecogniser:
         if samples is not None and stroke.feature is not None:
             after = self._updated(before, stroke.feature, samples, stroke.camera)
         with self._lock:
-            self._sequences[others] = after
+            self._sequences[key] = after
             while len(self._sequences) > _MOST_SEQUENCES:
                 self._sequences.popitem(last=False)
         return after
 
-    def _updated(self, density: PoseDensity, name: str, samples: Array, camera: Camera) -> PoseDensity:
+    def _updated(self, density: PoseMixture, name: str, samples: Array, camera: Camera) -> PoseMixture:
         """Return ``density`` given that ``samples`` depict the feature ``name``."""
         curves = ViewedCurves(self._rows, density, camera, [name])
         found = evidence(curves, samples, self.tuning.hand, [candidate_intervals(curves.tracks[0].closed)])
-        mean, covariance = found.posterior(0, *found.best(0))
-        size = len(covariance)
-        precision = np.linalg.inv(covariance)
+        posterior = found.posterior(0, *found.best(0))
         # The information of the stroke alone, tempered.
         share = 1.0 / self.tuning.others
-        tempered = np.eye(size) + share * (precision - np.eye(size))
-        inverse = np.linalg.inv(tempered)
-        inverse = 0.5 * (inverse + inverse.T)
-        return density.updated(share * inverse @ (precision @ mean), np.linalg.cholesky(inverse))
+        identity = np.eye(len(posterior.covariance))
+        precision = np.linalg.inv(posterior.covariance)
+        tempered = np.asarray(np.linalg.inv(identity + share * (precision - identity)))
+        information = posterior.means @ precision - density.means
+        means = (density.means + share * information) @ tempered
+        return density.updated(share * posterior.log_likelihood, means, tempered)
+
+    def _placed(self, found: tuple[Evidence, int], stroke: DrawnStroke, samples: Array) -> tuple[MatchedPoint, ...]:
+        return placed_points(found[0], found[1], stroke, samples, self.tuning.hand)
 
     def _decided(
         self,
         stroke: DrawnStroke,
         samples: Array,
-        found: Sequence[Evidence],
-        names: Sequence[str],
+        found: Sequence[tuple[Evidence, int]],
         drawn: set[str],
         feature: str | None,
     ) -> Recognition:
         """Return the posterior over features and strokes that depict none."""
         tuning = self.tuning
         seen = visibility(self._rows, stroke.camera)
-        logs, sources = np.zeros(len(names)), []
-        for index, name in enumerate(names):
-            of_parts = np.array(
-                [
-                    np.log(max(part.curves.density.weight, 1e-9))
-                    + part.log_total(index, tuning.temperature)
-                    + log_openness(self._rows, part, index)
-                    for part in found
-                ]
-            )
-            sources.append(int(np.argmax(of_parts)))
-            logs[index] = np.logaddexp.reduce(of_parts / tuning.temperature)
-            logs[index] += np.log(max(seen[name], tuning.unseen))
-            if name in drawn or drawn & set(FEATURES[name].components):
-                logs[index] += np.log(tuning.again)
+        names = [part.tracks[index].feature for part, index in found]
+        totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
+        logs = totals / tuning.temperature
+        for i, (part, index) in enumerate(found):
+            if totals[i] < totals.max() - _HOPELESS:
+                continue
+            logs[i] += log_openness(self._rows, part, index) / tuning.temperature
+            logs[i] += np.log(max(seen[names[i]], tuning.unseen))
+            if names[i] == "mouth line":
+                logs[i] += np.log(tuning.line)
+            if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
+                logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
         logs += np.log((1.0 - tuning.scribble) / count)
         # The middle of the face in the coordinates of the samples.
@@ -229,7 +242,7 @@ class WholeStrokeRecogniser:
             Candidate(
                 names[i],
                 float(min(probabilities[i], 1.0)),
-                placed_points(found[sources[i]], int(i), stroke, samples, tuning.hand),
+                self._placed(found[i], stroke, samples),
             )
             for i in order[: tuning.finalists]
         )

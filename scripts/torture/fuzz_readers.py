@@ -28,6 +28,7 @@ from faceposer.poses.applying import weights_on
 from faceposer.poses.pose_file import read_pose
 from faceposer.session.autosave import find_orphans
 from faceposer.session.opening import load_model, open_session
+from faceposer.sketch.strokes_file import read_strokes
 from faceposer.solve.camera_io import read_camera
 from faceposer.training.summary import findings_of, text_of_summary
 from scripts.torture import mutations
@@ -124,6 +125,12 @@ def _pins(path: Path) -> Values:
     yield [pin.pixel for pin in read_pins(path)]
 
 
+def _strokes(path: Path) -> Values:
+    for stroke in read_strokes(path, _low().character):
+        yield stroke.pixels
+        yield stroke.camera.rotation
+
+
 def _marker_map(path: Path) -> Values:
     character = _low().character
     places = read_marker_map(path).surface_points(character.vertices, character.triangles, character.feature_points)
@@ -212,6 +219,7 @@ READERS: dict[str, Reader] = {
         Reader("trajectories", _trajectories, (mutations.json_structure, mutations.table)),
         Reader("camera", _camera, (mutations.json_structure,)),
         Reader("pins", _pins, (mutations.json_structure,)),
+        Reader("strokes", _strokes, (mutations.json_structure,)),
         Reader("marker map", _marker_map, (mutations.json_structure,)),
         Reader("markers", _markers, (mutations.table,)),
         Reader("c3d", _markers, (mutations.words_of_16_bits,)),

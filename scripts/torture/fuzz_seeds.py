@@ -108,6 +108,7 @@ def _files(folder: Path, model: FaceModel) -> dict[str, dict[str, Any]]:
         "trajectories": {"trajectories.json": _trajectories(), "pixels.csv": _pixel_table()},
         "camera": {"camera.json": _CAMERA, "view.json": {"view": "front", "size": [640, 480]}},
         "pins": {"pins.json": header | {"format": "faceposer.pins", "pins": pins}},
+        "strokes": {"strokes.json": _strokes()},
         "marker map": {
             "map.json": header
             | {
@@ -185,7 +186,32 @@ def _constraints() -> list[dict[str, Any]]:
         {"type": "curve", "source": path, "target": near, "camera": _CAMERA},
         {"type": "fixed", "anchors": [{"vertex": 40}, {"vertex": 41}]},
         {"type": "gaze", "direction": [5.0, -3.0]},
+        {
+            "type": "sketch",
+            "stroke": path,
+            "camera": _CAMERA,
+            "feature": "outer lower lip",
+            "points": [{"feature_point": "8.4", "pixel": path[0]}, {"feature_point": "8.3", "pixel": path[2]}],
+        },
+        {
+            "type": "sketch",
+            "stroke": near,
+            "camera": _CAMERA,
+            "feature": "mouth outline",
+            "points": [{"feature_point": "8.2", "pixel": near[1]}],
+            "weight": 0.5,
+        },
     ]
+
+
+def _strokes() -> Any:
+    lip = [[300.0 + 4.0 * i, 372.0 + 0.2 * i] for i in range(10)]
+    return {
+        "format": "faceposer.strokes",
+        "version": 1,
+        "camera": {"view": "front", "size": [640, 640]},
+        "strokes": [{"pixels": lip, "feature": None}, {"pixels": lip[::3], "feature": "outer lower lip"}],
+    }
 
 
 def _session(folder: Path, model: FaceModel) -> Any:
@@ -197,6 +223,7 @@ def _session(folder: Path, model: FaceModel) -> Any:
         "subject": "low",
         "prior_weight": 1.0,
         "spread": 0.4,
+        "sketch_method": "map",
         "prior": "regions",
         "constraints": _constraints(),
         "start": (0.02 + model.neutral()).tolist(),

@@ -17,6 +17,7 @@ from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.session.document import read_document
 from faceposer.session.opening import open_session
+from tests.sketch.drawings import drawn, scribble
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "api.md"
 EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -137,9 +138,52 @@ def test_every_kind_of_constraint(face: Face) -> None:
     assert len(face.constraints) == 6
     face.remove(face.constraints[0])
     assert [constraint.kind for constraint in face.constraints] == kinds[1:]
+    face.sketch(drawn(face.model, "right brow", face.coefficients, camera), camera=camera)
+    assert face.constraints[-1].kind == "sketch"
     face.reset()
     assert face.constraints == ()
     np.testing.assert_array_equal(face.vertices, face.model.instance(face.model.neutral()))
+
+
+def test_drawn_features_are_recognised_and_followed(face: Face) -> None:
+    model, camera = face.model, face.camera("three-quarter", (900, 800))
+    truth = model.coefficients_of({"browInnerUp": 0.7, "browOuterUpLeft": 0.5})
+    line = np.array(drawn(model, "left brow", truth, camera))
+    found = face.sketch(line, camera=camera)
+    assert found.best is not None
+    assert found.best.feature == "left brow"
+    assert {point.feature_point for point in found.best.points} <= {"4.1", "4.3", "4.5"}
+    face.solve()
+    assert face.residuals[0] < 1.5
+    assert face.sketch(line[::-1] + (0.0, 4.0), camera=camera, weight=2.0).best.feature == "left brow"
+    assert len(face.constraints) == 1, "drawn again"
+    # A feature may be named, whatever the stroke looks like.
+    assert face.sketch(line - (0.0, 10.0), feature="left upper lid", camera=camera).best.feature == "left upper lid"
+    assert [one.feature for one in face.constraints] == ["left brow", "left upper lid"]
+    assert face.sketch_method == "map"
+
+
+def test_what_cannot_be_sketched_is_said_and_changes_nothing(face: Face) -> None:
+    camera = face.camera()
+    line = drawn(face.model, "left brow", face.coefficients, camera)
+    for stroke, options, said in (
+        (scribble(camera), {}, "depicts no feature of the face"),
+        ([line[0], line[0]], {}, "depicts no feature of the face"),
+        (line[:1], {}, "from 2 to 10000 points, not 1"),
+        (line * 2000, {}, "from 2 to 10000 points"),
+        ([(1, np.nan), (2, 3)], {}, "Pixels must be pairs of numbers"),
+        (line, {"feature": "left eyebrow"}, "A feature must be one of 'left brow'"),
+        (line, {"recognition": "hmm"}, "A method of recognition must be one of"),
+        (line, {"weight": -1.0}, "The weight of a constraint"),
+        (line, {"camera": "front"}, "A camera must be"),
+        ([(1e7, 0), (0, 1e7)], {"feature": "jaw line"}, "must be from -1e"),
+    ):
+        with pytest.raises(FacePoserError, match=said):
+            face.sketch(stroke, **options)
+    with pytest.raises(FacePoserError, match="method of sketches must be one of 'map', 'paper'"):
+        face.sketch_method = "lwr"
+    assert face.constraints == ()
+    assert not face.session.can_undo
 
 
 def test_a_place_is_a_name_a_number_or_a_pixel(face: Face) -> None:

@@ -93,6 +93,42 @@ def test_more_strokes_are_added_to_a_session_and_replace_what_they_cover(
     assert sketches[-1].stroke == tuple(map(tuple, entry["pixels"]))
 
 
+def test_the_papers_face_is_another_one(
+    man: FaceModel, camera: Camera, strokes: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    out, paper = tmp_path / "map.json", tmp_path / "paper.json"
+    assert run("sketch", "man", strokes, "-o", out) == 0
+    assert run("sketch", "man", strokes, "-o", paper, "--method", "paper") == 0
+    first, second = read_document(out), read_document(paper)
+    assert (first.sketch_method, second.sketch_method) == ("map", "paper")
+    truth = man.coefficients_of(EXPRESSION)
+    brows = np.concatenate([man.character.regions[name] for name in ("brow_left", "brow_right")])
+
+    def error(pose: Any) -> float:
+        return float(np.linalg.norm((man.instance(pose) - man.instance(truth))[brows], axis=1).mean())
+
+    neutral = error(man.neutral())
+    assert error(first.coefficients) < error(second.coefficients) < 0.9 * neutral
+    # A session with the method opens with the same face, and solving it again changes nothing.
+    assert run("solve", paper, "-o", tmp_path / "paper.obj", "--report", tmp_path / "r.json") == 0
+    again = json.loads((tmp_path / "r.json").read_text())["coefficients"]
+    np.testing.assert_allclose(again, second.coefficients, atol=1e-6)
+
+
+def test_the_methods_of_recognition_can_be_chosen(
+    man: FaceModel, camera: Camera, tmp_path: Path, capsys: Capture
+) -> None:
+    entry = {"pixels": drawn(man, "left brow", man.neutral(), camera)}
+    path, reports = written(tmp_path / "s.json", camera, [entry]), []
+    for method in ("ours", "paper"):
+        report = tmp_path / f"{method}.json"
+        words = ("--recognition", method, "--report", report)
+        assert run("sketch", "man", path, "-o", tmp_path / "o.json", *words) == 0
+        reports.append(json.loads(report.read_text())["strokes"][0])
+    assert [one["feature"] for one in reports] == ["left brow", "left brow"]
+    assert reports[0]["points"] != reports[1]["points"]
+
+
 def test_the_camera_may_be_a_file_of_its_own(
     man: FaceModel, camera: Camera, strokes: Path, tmp_path: Path, capsys: Capture
 ) -> None:

@@ -69,9 +69,10 @@ def test_each_feature_takes_the_drawn_shape(model: FaceModel, camera: Camera, ba
         sketch = drawn(model, feature, truth, camera, backwards)
         p = solve(PoseProblem(model, [sketch]), model.neutral()).coefficients
         before = off(model, feature, model.neutral(), truth, camera)
-        # A stroke determines the course of a cheek, not where on it each point is.
-        assert "cheek" in feature or off(model, feature, p, truth, camera) < max(0.4 * before, 1.0), feature
-        assert sketch.residual_px(model, p) < 1.0, feature
+        # A stroke determines the course of a cheek, not where on it each point is, and cheeks are stiff.
+        cheek = "cheek" in feature
+        assert cheek or off(model, feature, p, truth, camera) < max(0.4 * before, 1.0), feature
+        assert sketch.residual_px(model, p) < (3.0 if cheek else 1.6), feature
         assert sketch.residual_px(model, truth) < 1.0, feature
 
 
@@ -87,8 +88,42 @@ def test_sketches_of_brows_lids_and_lips_bring_back_the_face(model: FaceModel, c
         np.linalg.norm((model.instance(truth) - model.instance(pose))[ids], axis=1).mean()
         for pose in (p, model.neutral())
     )
-    assert error < 0.2 * moved
+    assert error < 0.25 * moved
     assert find_conflicts(PoseProblem(model, sketches), p) == []
+
+
+def test_errors_of_a_hand_cost_less_than_they_are(model: FaceModel) -> None:
+    """Shifts of 6 px, of each stroke its own, and smooth deviations of 3 px leave most of the expression."""
+    camera, truth = view_of(model, "front"), model.coefficients_of(EXPRESSION)
+    features = ("left brow", "right brow", "outer upper lip", "outer lower lip", "inner upper lip", "inner lower lip")
+    ids = np.concatenate([model.character.regions[name] for name in ("mouth", "brow_left", "brow_right")])
+    errors = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        sketches = []
+        for feature in features:
+            exact = drawn(model, feature, truth, camera)
+            at = np.linspace(0.0, 1.0, len(exact.stroke))[:, None]
+            waves = rng.normal(0.0, 2.1, (2, 2))
+            bend = waves[0] * np.sin(2.0 * np.pi * at) + waves[1] * np.cos(3.0 * np.pi * at)
+            stroke = as_pixels(np.array(exact.stroke) + bend + rng.normal(0.0, 6.0, 2))
+            knots = feature_curves(model.character)[feature][0].knots
+            matched = tuple(zip(FEATURES[feature].points, [stroke[k] for k in knots], strict=True))
+            sketches.append(replace(exact, stroke=stroke, matched=matched).resolved(model, truth))
+        p = solve(PoseProblem(model, sketches), model.neutral()).coefficients
+        errors.append(np.linalg.norm((model.instance(truth) - model.instance(p))[ids], axis=1).mean())
+    moved = np.linalg.norm((model.instance(truth) - model.character.vertices)[ids], axis=1).mean()
+    assert np.mean(errors) < 0.5 * moved
+
+
+def test_a_heavier_sketch_is_followed_more_closely(model: FaceModel, camera: Camera) -> None:
+    sketch = drawn(model, "left brow", model.neutral(), camera).nudged((0.0, -10.0))
+    residuals = []
+    for weight in (0.1, 1.0, 10.0):
+        heavier = replace(sketch, weight=weight)
+        residuals.append(solve(PoseProblem(model, [heavier]), model.neutral()).residuals_px[0])
+    assert residuals == sorted(residuals, reverse=True)
+    assert residuals[-1] < 1.5
 
 
 def test_a_line_along_the_mouth_closes_both_lips_on_it(model: FaceModel, camera: Camera) -> None:

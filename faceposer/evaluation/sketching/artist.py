@@ -16,7 +16,7 @@ from faceposer.sketch.recognition import DrawnStroke
 Array = NDArray[np.float64]
 
 #: Distance of lips or lids, in pixels of a view 960 pixels high, below which they are drawn as one line.
-ONE_LINE = 7.0
+ONE_LINE = 12.0
 # Least share of a line that must be visible, and how far behind the skin a visible point may be, by height.
 _LEAST_VISIBLE, _BEHIND = 0.6, 0.012
 
@@ -59,14 +59,10 @@ class Artist:
             for gap, (upper, lower) in GAPS.items()
             if upper in places and lower in places
         }
-        hidden = self._hidden_test(character, vertices)
-        for name, chains in places.items():
-            if not _is_drawn(name, open_gaps):
-                continue
-            place, parameters = chains[0]
-            for other, known in chains[1:]:
-                place = 0.5 * (place + _interpolated(parameters, known, other))
-            seen = ~hidden(place)
+        chosen = {name: _middle(chains) for name, chains in places.items() if _is_drawn(name, open_gaps)}
+        seen_of = self._visible(character, vertices, {name: place for name, (place, _) in chosen.items()})
+        for name, (place, parameters) in chosen.items():
+            seen = seen_of[name]
             if FEATURES[name].closed:
                 if seen.mean() >= 0.9:
                     self.lines[name] = camera.project(place), parameters
@@ -75,17 +71,18 @@ class Artist:
             if last - first >= _LEAST_VISIBLE * len(place):
                 self.lines[name] = camera.project(place[first:last]), parameters[first:last]
 
-    def _hidden_test(self, character: Character, vertices: NDArray[np.float32]):  # type: ignore[no-untyped-def]
-        camera = self._camera
+    def _visible(
+        self, character: Character, vertices: NDArray[np.float32], lines: dict[str, Array]
+    ) -> dict[str, NDArray[np.bool_]]:
+        """Return the masks of the points of ``lines`` that no skin hides."""
         solid = character.triangles[character.solid_triangles]
-
-        def hidden(places: Array) -> NDArray[np.bool_]:
-            points, met = pick_pixels(vertices, solid, camera, camera.project(places))
-            nearest = np.full(len(places), np.inf)
-            nearest[met] = camera.to_camera(points.positions(vertices, solid))[:, 2]
-            return np.asarray(camera.to_camera(places)[:, 2] > nearest + _BEHIND * character.height)
-
-        return hidden
+        places = np.concatenate(list(lines.values()))
+        points, met = pick_pixels(vertices, solid, self._camera, self._camera.project(places))
+        nearest = np.full(len(places), np.inf)
+        nearest[met] = self._camera.to_camera(points.positions(vertices, solid))[:, 2]
+        seen = self._camera.to_camera(places)[:, 2] <= nearest + _BEHIND * character.height
+        ends = np.cumsum([len(place) for place in lines.values()])[:-1]
+        return dict(zip(lines, np.split(seen, ends), strict=True))
 
     def draw(self, feature: str, errors: HandErrors, rng: np.random.Generator) -> TrueStroke:
         """Return a stroke along ``feature``, a key of ``lines``."""
@@ -93,6 +90,14 @@ class Artist:
         result = drawn(line, parameters, FEATURES[feature].closed, errors, rng)
         stroke = DrawnStroke(result.pixels, self._camera, feature)
         return TrueStroke(stroke, result.parameters, (float(parameters[0]), float(parameters[-1])))
+
+
+def _middle(chains: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return the line between the ``chains`` of a feature, with its parameters."""
+    place, parameters = chains[0]
+    for other, known in chains[1:]:
+        place = 0.5 * (place + _interpolated(parameters, known, other))
+    return place, parameters
 
 
 def _is_drawn(feature: str, open_gaps: dict[str, bool]) -> bool:

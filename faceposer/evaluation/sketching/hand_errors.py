@@ -18,7 +18,7 @@ class HandErrors:
     Attributes:
         jitter: Standard deviation of the smooth deviation of each coordinate, in pixels.
         wavelength: Correlation length of the jitter, in pixels.
-        shift: Standard deviation of each coordinate of the shift of the whole stroke, in pixels.
+        shift: Length of the shift of the whole stroke, in any direction, in pixels.
         length: Greatest relative error of the length.
         unevenness: Greatest relative deviation of the speed.
     """
@@ -60,7 +60,8 @@ def drawn(line: Array, parameters: Array, closed: bool, errors: HandErrors, rng:
     wanted = (begin + np.linspace(0.0, 1.0, max(int(whole * (1.0 + excess) / _STEP), 8)) * (1.0 + excess)) * whole
     places, at = (_wrapped if closed else _extended)(line, parameters, along, wanted)
     places = places + _smooth_noise(len(places), errors.jitter, errors.wavelength / _STEP, rng)
-    places += rng.normal(0.0, errors.shift, 2)
+    direction = rng.uniform(0.0, 2.0 * np.pi)
+    places += errors.shift * np.array([np.cos(direction), np.sin(direction)])
     # Uneven speed: samples at equal times are not at equal lengths.
     count = int(rng.integers(24, 120))
     time = np.linspace(0.0, 1.0, count)

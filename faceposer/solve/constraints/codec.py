@@ -11,7 +11,8 @@ from faceposer.files.json_documents import JsonError, JsonObject, given
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 
-_MAX_COORDINATE = 1e6
+#: Largest coordinate of a pixel or a position.
+LARGEST_PIXEL = _MAX_COORDINATE = 1e6
 _MAX_POINTS = 100_000
 
 Index = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number of at least 0")]

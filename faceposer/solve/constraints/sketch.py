@@ -17,10 +17,9 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS, Feature, FeatureCurve, feature_curves
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.across_along import AcrossAlongTerm
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
-from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.constraints.sketch_matching import cleaned, correspondence
+from faceposer.solve.constraints.sketch_term import SketchTerm
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
 from faceposer.solve.term import Array, Indices, Term
 
@@ -32,13 +31,7 @@ SKETCH_METHODS: tuple[SketchMethod, ...] = get_args(SketchMethod)
 MOST_STROKE_POINTS = 10_000
 _MOST_MATCHED = 32
 # Largest number of points of the face between two feature points.
-_PER_PIECE = 10
-# Number of points as which a whole line counts: it is drawn in one movement, so that its points are not independent.
-_LINE = 6.0
-# Weight of offsets along the stroke relative to those across it, at matched points and on the line between them.
-_ALONG_MATCHED, _ALONG_LINE = 0.25, 0.1
-# Weight of offsets across the stroke at a matched point.
-_ACROSS_MATCHED = 0.5
+_PER_PIECE = 7
 
 
 class _MatchedJson(JsonObject):
@@ -185,7 +178,11 @@ class SketchConstraint(ConstraintBase):
     @staticmethod
     def terms(constraints: Sequence["SketchConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
         """Return a term for each of ``constraints``; ``slots`` are the indices of their points in the state."""
-        return [SketchTerm(constraint, points) for constraint, points in zip(constraints, slots, strict=True)]
+        terms: list[Term] = []
+        for constraint, points in zip(constraints, slots, strict=True):
+            traced = constraint.on_face
+            terms.append(SketchTerm(points, traced.targets, traced.tangents, traced.matched, constraint.weight))
+        return terms
 
     def nudged(self, offset: tuple[float, float]) -> "SketchConstraint":
         """Return the constraint with its stroke moved by ``offset`` pixels."""
@@ -248,24 +245,6 @@ class SketchConstraint(ConstraintBase):
         form = convert(data, _SketchJson, where)
         matched = tuple((point.feature_point, point.pixel) for point in form.points)
         return cls(form.stroke, form.camera.camera(), form.feature, matched, **form.switches)
-
-
-class SketchTerm(AcrossAlongTerm):
-    """w / sigma^2 (L / m sum over i of d_i^2 + a sum over matched i of d_i^2) with d^2 = (n . e)^2 + b (t . e)^2.
-
-    e_i is the offset of point i of the feature's curve from its place on the stroke, t and n the stroke's tangent and
-    normal there; L is the number of points as which the whole line counts. Hands meet the course of a line better than
-    places along it, so that b is below 1.
-    """
-
-    def __init__(self, constraint: SketchConstraint, points: Indices) -> None:
-        """Prepare the term for ``constraint``; ``points`` are the indices of its points in the state."""
-        traced = constraint.on_face
-        scale = constraint.weight / SIGMA_PX**2
-        line: Array = np.full(len(points), scale * _LINE / max(len(points), 1))
-        at_points: Array = np.where(traced.matched, scale * _ACROSS_MATCHED, 0.0)
-        across, along = line + at_points, _ALONG_LINE * line + _ALONG_MATCHED * at_points
-        super().__init__(points, traced.targets, traced.tangents, across, along)
 
 
 def _traced(sketch: SketchConstraint, model: FaceModel) -> TracedSketch:
