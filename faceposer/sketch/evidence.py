@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.sketch.curve_density import Track, ViewedCurves
 from faceposer.sketch.hand import SAMPLES, HandModel
-from faceposer.sketch.intervals import Intervals, sampled
+from faceposer.sketch.intervals import Intervals, candidate_intervals, sampled
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
@@ -95,7 +95,7 @@ def nearer_evidence(found: Evidence, index: int, stroke: Array, hand: HandModel)
     density, name = found.curves.density, found.tracks[index].feature
     at = posterior.means[int(np.argmax(density.log_weights + posterior.log_likelihood))]
     curves = ViewedCurves(found.curves.rows, density.rebased(at), found.curves.camera, [name])
-    return evidence(curves, stroke, hand, [found.intervals[index]])
+    return evidence(curves, stroke, hand, [candidate_intervals(found.tracks[index].closed)])
 
 
 def evidence(curves: ViewedCurves, stroke: Array, hand: HandModel, intervals: Sequence[Intervals]) -> Evidence:

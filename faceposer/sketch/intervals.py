@@ -13,12 +13,13 @@ Array = NDArray[np.float64]
 
 # Ends of strokes along the whole line, as shares of its length beyond its ends, with their log weights.
 _ENDS = (-0.14, -0.07, 0.0, 0.07, 0.14)
+_COARSE_ENDS = (-0.11, 0.0, 0.11)
 _END_SPREAD = 0.10
 # Pieces of a line, and their weight in all.
 _PIECES = ((0.0, 0.5), (0.5, 1.0), (0.25, 0.75), (0.0, 0.65), (0.35, 1.0))
 _PIECES_SHARE = 0.08
 # Lengths of a closed stroke, and the number of its starts.
-_TURNS, _STARTS = (0.86, 1.0, 1.14), 16
+_TURNS, _STARTS, _COARSE_STARTS = (0.86, 1.0, 1.14), 20, 12
 # Share of a line's length over which it is continued beyond its ends.
 _TANGENT = 0.08
 
@@ -41,14 +42,16 @@ class Intervals:
         return len(self.begins)
 
 
-@lru_cache(maxsize=2)
-def candidate_intervals(closed: bool) -> Intervals:
-    """Return the intervals of an open or ``closed`` line."""
+@lru_cache(maxsize=4)
+def candidate_intervals(closed: bool, coarse: bool = False) -> Intervals:
+    """Return the intervals of an open or ``closed`` line, fewer if ``coarse``."""
     if closed:
-        pairs = [(start / _STARTS, start / _STARTS + turn) for start in range(_STARTS) for turn in _TURNS]
+        starts = _COARSE_STARTS if coarse else _STARTS
+        pairs = [(start / starts, start / starts + turn) for start in range(starts) for turn in _TURNS]
         weights = np.full(len(pairs), 1.0 / len(pairs))
     else:
-        whole = list(product([-end for end in _ENDS], [1.0 + end for end in _ENDS]))
+        ends = _COARSE_ENDS if coarse else _ENDS
+        whole = list(product([-end for end in ends], [1.0 + end for end in ends]))
         likely = np.exp([-0.5 * (a * a + (b - 1.0) ** 2) / _END_SPREAD**2 for a, b in whole])
         pairs = [*whole, *_PIECES]
         pieces = np.full(len(_PIECES), _PIECES_SHARE / len(_PIECES))

@@ -46,7 +46,6 @@ class Tuning:
         line: Prior of the line of a closed mouth, relative to another feature.
         unseen: Least prior of a feature that faces away.
         finalists: Number of features that are compared exactly.
-        rounds: Number of times that the curves of these are linearised again.
     """
 
     hand: HandModel = field(default_factory=HandModel)
@@ -60,7 +59,6 @@ class Tuning:
     line: float = 0.5
     unseen: float = 0.003
     finalists: int = 4
-    rounds: int = 1
 
 
 # Distance of a line's middle from that of a stroke beyond which it is not considered, in units of the hand, and the
@@ -68,10 +66,11 @@ class Tuning:
 _REACH, _REACH_LENGTH = 110.0, 0.35
 # Number of sequences of earlier strokes whose densities are kept.
 _MOST_SEQUENCES = 32
-# Log evidence behind that of the likeliest feature at which a feature is given up.
-_HOPELESS = 40.0
-# Candidates below this probability are omitted.
-_LEAST = 1e-4
+# Log evidence behind that of the likeliest feature at which a feature is given up, before and after its curve is
+# linearised at the most probable pose.
+_HOPELESS, _NO_FINALIST = 40.0, 60.0
+# Candidates below this probability are omitted, and those after the first three.
+_LEAST, _MOST_CANDIDATES = 1e-3, 3
 
 
 class WholeStrokeRecogniser:
@@ -135,12 +134,12 @@ class WholeStrokeRecogniser:
                 continue
             mixture = density.with_pose(pose, self._rows, self.tuning.present)
             curves = ViewedCurves(self._rows, mixture, camera, group)
-            intervals = [candidate_intervals(self._rows.tracks[name].closed) for name in group]
+            intervals = [candidate_intervals(self._rows.tracks[name].closed, coarse=True) for name in group]
             of_group = evidence(curves, samples, self.tuning.hand, intervals)
             found += [(of_group, index) for index in range(len(group))]
         totals = [part.log_total(index, self.tuning.temperature) for part, index in found]
         for i in np.argsort(totals)[: -1 - self.tuning.finalists : -1]:
-            for _ in range(self.tuning.rounds):
+            if totals[i] > max(totals) - _NO_FINALIST:
                 part, index = found[i]
                 found[i] = nearer_evidence(part, index, samples, self.tuning.hand), 0
         return found
@@ -244,7 +243,7 @@ class WholeStrokeRecogniser:
                 float(min(probabilities[i], 1.0)),
                 self._placed(found[i], stroke, samples),
             )
-            for i in order[: tuning.finalists]
+            for i in order[:_MOST_CANDIDATES]
         )
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)

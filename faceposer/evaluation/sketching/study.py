@@ -26,7 +26,7 @@ from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import StrokeConstraint, as_pixels
 from faceposer.solve.map_solver import solve
-from faceposer.solve.problem import PoseProblem
+from faceposer.solve.problem import RECORDED_SPREAD, SPREAD, PoseProblem
 
 Array = NDArray[np.float64]
 
@@ -124,8 +124,9 @@ class SketchingStudy:
             others.append(DrawnStroke(true.stroke.pixels, true.stroke.camera, best.feature))
             sketches += self._sketch(true, best)
             pose, _ = self._solved(sketches)
-        pose, ms = self._solved(sketches)
-        self._add(tally, "map", pose, trial, ms)
+        for method, spread in (("map", RECORDED_SPREAD), ("map-local", SPREAD)):
+            pose, ms = self._solved(sketches, spread)
+            self._add(tally, method, pose, trial, ms)
         began = time.perf_counter()
         pose = self.sketcher.paper_pose(sketches, self.model.neutral())
         self._add(tally, "paper", pose, trial, 1e3 * (time.perf_counter() - began))
@@ -155,12 +156,15 @@ class SketchingStudy:
         target = smoothed(true.stroke.pixels)
         return StrokeConstraint(curve.points.subset(inside), as_pixels(target), _BRUSH, true.stroke.camera)
 
-    def _solved(self, constraints: Sequence[Constraint]) -> tuple[Array, float]:
-        """Return the pose of ``constraints`` and the milliseconds that it took."""
+    def _solved(self, constraints: Sequence[Constraint], spread: float = RECORDED_SPREAD) -> tuple[Array, float]:
+        """Return the pose of ``constraints`` and the milliseconds that it took.
+
+        Drawings of a real face show how all of it moved, like other measurements.
+        """
         began = time.perf_counter()
         if not constraints:
             return self.model.neutral(), 0.0
-        pose = solve(PoseProblem(self.model, list(constraints))).coefficients
+        pose = solve(PoseProblem(self.model, list(constraints), spread=spread)).coefficients
         return pose, 1e3 * (time.perf_counter() - began)
 
     def _add(self, tally: Tally, method: str, pose: Array, trial: Trial, ms: float) -> None:
@@ -246,7 +250,7 @@ def row_of(
 
     Args:
         tally: The results of the condition.
-        method: "paper", "map", "true-points" or "stroke-tool".
+        method: "paper", "map", "map-local" (the spread of new sessions), "true-points" or "stroke-tool".
         key: Character, view, strokes, recognition and training.
         given: The results with true correspondences.
         progress: Called with a line about the row.
