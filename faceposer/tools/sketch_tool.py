@@ -126,7 +126,8 @@ class SketchTool(PosingTool):
             return False
         index = self.sketch_at(event.position, context)
         if "shift" in event.modifiers:
-            return index is not None and not context.session.document.constraints[index].locked
+            sketch = None if index is None else context.session.document.constraints[index]
+            return isinstance(sketch, SketchConstraint) and not sketch.locked and _drawn_in(sketch, context)
         on_mark = index is not None or self.unnamed_at(event.position, context)
         return on_mark or self.works_at(event.position, context)
 
@@ -373,6 +374,11 @@ class SketchTool(PosingTool):
         if self.unnamed is not None:
             return f"{UNRECOGNISED}   ·   draw it again, or click the stroke to name it   ·   Esc: discard it"
         return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the face: orbit"
+
+
+def _drawn_in(sketch: SketchConstraint, context: ToolContext) -> bool:
+    """Return True if the view is the one in which ``sketch`` was drawn."""
+    return sketch.camera.same_viewpoint(context.camera)
 
 
 def _inside(box: Box | None, position: Pixel) -> bool:
