@@ -112,7 +112,7 @@ def test_parts_are_built_once_by_any_thread(low: FaceModel, monkeypatch: pytest.
     sketcher = Sketcher(low, count=36)
     stroke = stroke_along(low, low.neutral(), "left brow", camera_of(low))
     with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(lambda _: sketcher.recognise(stroke, low.neutral()), range(16)))
+        found = list(pool.map(lambda _: sketcher.recognise(stroke, low.neutral(), method="paper"), range(16)))
     assert len(built) == 1
     assert all(each == found[0] for each in found)
     assert sketcher.recognise(stroke, low.neutral(), method="other").candidates == found[0].candidates
@@ -134,7 +134,7 @@ def test_characters_without_some_feature_points(kept: tuple[str, ...], low: Face
     model = build_face_model(replace(low.character, feature_points=points, feature_titles={}))
     sketcher = Sketcher(model, count=36)
     stroke = stroke_along(low, low.neutral(), "left brow", camera_of(low))
-    found = sketcher.recognise(stroke, model.neutral())
+    found = sketcher.recognise(stroke, model.neutral(), method="paper")
     pose = sketcher.paper_pose([matched(low, low.neutral(), "left brow", stroke.camera)], model.neutral())
     assert np.isfinite(pose).all()
     if "4." in kept:
@@ -148,7 +148,8 @@ def test_characters_without_some_feature_points(kept: tuple[str, ...], low: Face
 def test_modes_of_examples_can_be_sketched(creature: FaceModel) -> None:
     sketcher = sketcher_of(creature)
     camera = camera_of(creature)
-    found = sketcher.recognise(stroke_along(creature, creature.neutral(), "right brow", camera), creature.neutral())
+    stroke = stroke_along(creature, creature.neutral(), "right brow", camera)
+    found = sketcher.recognise(stroke, creature.neutral(), method="paper")
     assert found.best is not None
     assert found.best.feature == "right brow"
     p = TrainingPoses.of(creature, 200, seed=7).coefficients[-1]

@@ -72,7 +72,7 @@ def test_each_feature_takes_the_drawn_shape(model: FaceModel, camera: Camera, ba
         # A stroke determines the course of a cheek, not where on it each point is, and cheeks are stiff.
         cheek = "cheek" in feature
         assert cheek or off(model, feature, p, truth, camera) < max(0.4 * before, 1.0), feature
-        assert sketch.residual_px(model, p) < (3.0 if cheek else 1.6), feature
+        assert sketch.residual_px(model, p) < (3.5 if cheek else 1.6), feature
         assert sketch.residual_px(model, truth) < 1.0, feature
 
 
@@ -272,6 +272,16 @@ def test_a_feature_that_the_character_lacks_is_refused(model: FaceModel, camera:
     with pytest.raises(ValueError, match=r"the character has no left brow: it lacks the feature points 4.1, 4.3, 4.5"):
         sketch.resolved(browless, model.neutral())
     assert drawn(model, "right brow", model.neutral(), camera).mirrored(None, browless, model.neutral()) is None
+
+
+def test_a_shift_of_a_hand_is_no_conflict(model: FaceModel, camera: Camera) -> None:
+    sketches = [
+        drawn(model, f"{side} nose wing", model.neutral(), camera).nudged((4.0, 6.0)) for side in ("left", "right")
+    ]
+    problem = PoseProblem(model, sketches)
+    solution = solve(problem)
+    assert max(solution.residuals_px) > 3.0
+    assert find_conflicts(problem, solution.coefficients) == []
 
 
 def test_sketches_that_contradict_are_reported(model: FaceModel, camera: Camera) -> None:

@@ -8,10 +8,10 @@ from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState
 
 # Number of points as which a whole line counts: it is drawn in one movement, so that its points are not independent.
-_LINE = 3.0
+_LINE = 2.0
 # Weight of a matched point across the line, and weights of offsets along the line relative to those across it: a hand
 # meets the course of a line better than places along it.
-_MATCHED, _ALONG_LINE, _ALONG_MATCHED = 0.3, 0.15, 0.5
+_MATCHED, _ALONG_LINE, _ALONG_MATCHED = 0.2, 0.05, 0.1
 # Standard deviation of the shift of a whole stroke, in pixels, in each direction.
 _SHIFT_PX = 4.0
 
