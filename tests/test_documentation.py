@@ -15,6 +15,7 @@ from faceposer.model import character_file
 from faceposer.photo import pins_file
 from faceposer.poses import pose_file
 from faceposer.session import autosave, document
+from faceposer.sketch import strokes_file
 from faceposer.transfer import pairs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -24,7 +25,7 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 #: Names of file formats, which look like modules.
 FORMATS = {
     *(module.FORMAT for module in (autosave, document, pairs, pins_file, pose_file, study, character_file)),
-    *(module.FORMAT for module in (trajectory_io, weights_json)),
+    *(module.FORMAT for module in (strokes_file, trajectory_io, weights_json)),
     "faceposer.marker-map",
 }
 

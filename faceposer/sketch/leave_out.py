@@ -26,7 +26,7 @@ _DRAWN = (
     ("left upper lid", "left lower lid", "right upper lid", "right lower lid"),
     ("left brow", "right brow", "outer upper lip", "outer lower lip", "left upper lid", "right upper lid"),
 )
-_FOLDS = 3
+_FOLDS, _LEAST_POSES = 3, 9
 _COMPONENTS, _DIMENSIONS = (1, 2, 3), (4, 8, 12, 20, 30)
 _JOINT_COMPONENTS, _JOINT_DIMENSIONS = (1, 2), (20, 40, 60)
 # Of the mapping's dimensions, the most are taken whose error exceeds the least by no more than this share: they
@@ -62,13 +62,15 @@ def observed(training: TrainingPoses, points: tuple[str, ...]) -> Ids:
 
 
 def chosen_sizes(training: TrainingPoses, hand_error: float, seed: int = 0) -> Sizes:
-    """Return the sizes of least error on poses left out in turn.
+    """Return the sizes of least error on poses left out in turn; as many dimensions as there are of very few poses.
 
     Args:
         training: Training poses.
         hand_error: Standard deviation of a hand's error.
         seed: Seed of the folds and of the errors.
     """
+    if len(training) < _LEAST_POSES:
+        return Sizes(1, max(len(training) - 2, 1), 1, max(_JOINT_DIMENSIONS))
     splits = list(_splits(training, hand_error, seed))
     errors: dict[tuple[int, int], float] = {}
     for dimensions in _DIMENSIONS:
@@ -143,7 +145,7 @@ def _splits(training: TrainingPoses, hand_error: float, seed: int) -> Iterator[_
     order = 1 + rng.permutation(len(training) - 1)
     features = [tuple(name for name in names if name in training.features) for names in _DRAWN]
     sets = [tuple(dict.fromkeys(p for name in names for p in FEATURES[name].points)) for names in features if names]
-    dimensions = [observed(training, points) for points in sets] or [observed(training, training.drawable)]
+    dimensions = [observed(training, points) for points in sets] or [observed(training, training.names)]
     for fold in range(_FOLDS):
         out = np.sort(order[fold::_FOLDS])
         left_out = training.subset(out)

@@ -12,6 +12,9 @@ As printed, staying at a feature point (path length 0) costs as much as skipping
 although strokes have more points than features: paths alternate between neighbours. ``stay=True`` makes staying as
 cheap as stepping.
 
+Responsibilities saturate: of many stroke points that belong to a feature point almost certainly, the one of highest
+emission is that farthest from all others, not that nearest to its mean. It is about as good for the pose.
+
 The paper accepts every stroke. Here a stroke must be more probable than one whose points lie anywhere on the face.
 """
 
@@ -23,7 +26,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
-from faceposer.sketch.point_mixture import DEPTH_ERROR, HAND_ERROR, PointMixture, Rays
+from faceposer.sketch.point_mixture import DEPTH_ERROR, PointMixture, Rays
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 from faceposer.sketch.visible_surface import VisibleSurface
@@ -38,10 +41,14 @@ SIGMA_S, FAR = 0.3, 10.0
 _SAMPLES, _INDEPENDENT = 32, 6.0
 # Log probability of a start that the boundary rule rules out.
 _RULED_OUT = -30.0
-# Size of the face, as a share of the head's height squared, over which the points of other strokes are spread.
-_FACE_AREA = 0.35
+# Standard deviation of a stroke's points, as a share of the head's height: less than HAND_ERROR, because all points of
+# a stroke have a part of it in common.
+_POINT_ERROR = 0.0075
+# Area, as a share of the head's height squared, over which the points of other strokes are spread. Scribbles lie about
+# the features, too.
+_FACE_AREA = 0.08
 # Standard deviation of a stroke from the straight line between two matched points, as a share of their distance.
-_BEND = 0.12
+_BEND = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +77,7 @@ class PaperRecogniser:
         height = model.character.height
         names = training.drawable
         points = training.points[:, [training.index[name] for name in names]]
-        self.mixture = PointMixture.fit(points, names, HAND_ERROR * height, em_rounds)
+        self.mixture = PointMixture.fit(points, names, _POINT_ERROR * height, em_rounds)
         self._surface = VisibleSurface(model, training)
         self._depth_error = DEPTH_ERROR * height
         self._log_background = -float(np.log(_FACE_AREA * height**2))
@@ -88,7 +95,9 @@ class PaperRecogniser:
             return Recognition((), False)
         pixels = resampled(stroke.pixels, _SAMPLES)
         rays = Rays.through(stroke.camera, pixels)
-        joint = self.mixture.log_joint(rays, self._surface.under(stroke.camera, pixels, pose), self._depth_error)
+        surface = self._surface.under(stroke.camera, pixels, pose)
+        across, along = self.mixture.log_parts(rays, surface, self._depth_error)
+        joint = np.log(self.mixture.weights) + across + along
         emission = joint - np.logaddexp.reduce(joint, axis=1)[:, None]
         start = self._start(emission[0])
         paths = []
@@ -103,7 +112,7 @@ class PaperRecogniser:
         shares = np.exp((scores - scores.max()) * (_INDEPENDENT / _SAMPLES))
         shares /= shares.sum()
         best = int(scores.argmax())
-        ratio = self._ratio(*paths[best][:2], stroke, pixels, rays, emission)
+        ratio = self._ratio(*paths[best][:2], stroke, pixels, rays, emission, across)
         chance = (
             1.0 if feature is not None else float(1.0 / (1.0 + np.exp(-np.clip(_INDEPENDENT * ratio, -50.0, 50.0))))
         )
@@ -144,7 +153,7 @@ class PaperRecogniser:
         return tuple(matches)
 
     def _ratio(
-        self, chain: _Chain, path: Ids, stroke: DrawnStroke, pixels: Array, rays: Rays, emission: Array
+        self, chain: _Chain, path: Ids, stroke: DrawnStroke, pixels: Array, rays: Rays, emission: Array, across: Array
     ) -> float:
         """Return the mean log ratio of the stroke's likelihood as this feature to that of one anywhere on the face.
 
@@ -153,9 +162,8 @@ class PaperRecogniser:
         of_states = _on_all(emission, chain.states)
         visited = [s for s in range(len(chain.names)) if (path == s).any()]
         at = np.array([np.flatnonzero(path == s)[of_states[path == s, s].argmax()] for s in visited])
-        nothing = np.full((len(pixels), 3), np.nan)
-        joint = self.mixture.log_joint(rays, nothing, self._depth_error) - np.log(self.mixture.weights)
-        matched = joint[at, chain.states[visited, 0]]
+        # The most likely point of each, whichever the responsibilities choose.
+        matched = np.array([across[path == s, chain.states[s, 0]].max() for s in visited])
         places = self.mixture.placed(rays, chain.states[path, 0])
         scale = stroke.camera.focal / float(stroke.camera.to_camera(places)[:, 2].mean())
         order = np.argsort(at)

@@ -117,26 +117,32 @@ class PointMixture:
         improved = PointMixture(self.names, total / total.sum(), means, covariances, self.hand_error)
         return float(evidence.mean()), improved
 
-    def log_joint(self, rays: Rays, surface: Array, depth_error: float) -> Array:
-        """Return ln(weight_i p(t | i)) of drawn points for each feature point, shape (n, F).
+    def log_parts(self, rays: Rays, surface: Array, depth_error: float) -> tuple[Array, Array]:
+        """Return ln p(x | i) of drawn points across their rays and ln p(d | x, i) of their depth, each of shape (n, F).
 
         Args:
             rays: Rays of the drawn points.
-            surface: Places of the surface on the rays, shape (n, 3). Where it is NaN, depth does not count.
+            surface: Places of the surface on the rays, shape (n, 3). Where it is NaN, depth does not count: its part is
+                0.
             depth_error: Standard deviation of its depth, in the character's unit.
         """
         on_ray: NDArray[np.bool_] = np.isfinite(surface[:, 2])
         deviations = np.where(on_ray[:, None], surface, rays.origin)[:, None] - self.means
-        rotated = np.einsum("nij,fjk,nlk->nfil", rays.axes, self.covariances, rays.axes, optimize=True)
-        rotated += self.hand_error**2 * np.eye(3)
-        local = np.einsum("nij,nfj->nfi", rays.axes, deviations)
+        axes = rays.axes[:, None]
+        rotated = axes @ (self.covariances + self.hand_error**2 * np.eye(3)) @ axes.transpose(0, 1, 3, 2)
+        local = deviations @ rays.axes.transpose(0, 2, 1)
         plane = _log_gaussian_of(local[..., :2], rotated[..., :2, :2])
         # Depth given the position across the ray.
         pull = np.linalg.solve(rotated[..., :2, :2], rotated[..., :2, 2:])[..., 0]
         depth = local[..., 2] - (pull * local[..., :2]).sum(axis=-1)
         variance = rotated[..., 2, 2] - (pull * rotated[..., :2, 2]).sum(axis=-1) + depth_error**2
         deep = -0.5 * (depth**2 / variance + np.log(2.0 * np.pi * variance))
-        return np.log(self.weights) + plane + np.where(on_ray[:, None], deep, 0.0)
+        return plane, np.where(on_ray[:, None], deep, 0.0)
+
+    def log_joint(self, rays: Rays, surface: Array, depth_error: float) -> Array:
+        """Return ln(weight_i p(t | i)) of drawn points, shape (n, F); see ``log_parts``."""
+        across, along = self.log_parts(rays, surface, depth_error)
+        return np.asarray(np.log(self.weights) + across + along)
 
     def placed(self, rays: Rays, components: Ids) -> Array:
         """Return the place on each ray that its component's conditional Gaussian gives, shape (n, 3).

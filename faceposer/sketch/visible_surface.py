@@ -24,17 +24,19 @@ class VisibleSurface:
 
     def __init__(self, model: FaceModel, training: TrainingPoses, seed: int = 0) -> None:
         """Sample the skin of ``model`` near the drawable feature points, with a seeded choice."""
+        # Imported late to shorten the start of the window.
+        from scipy.spatial import cKDTree
+
         vertices, triangles = model.character.vertices.astype(np.float64), model.triangles
         solid = model.character.solid_triangles
         corners = vertices[triangles[solid]]
         height = model.character.height
         knots = training.neutral[[training.index[name] for name in training.drawable]]
-        apart = np.full(len(solid), np.inf)
-        for knot in knots:
-            apart = np.minimum(apart, ((corners.mean(axis=1) - knot) ** 2).sum(axis=1))
+        centers = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0
+        apart = cKDTree(knots).query(centers)[0] if len(knots) else np.full(len(solid), np.inf)
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        areas = np.linalg.norm(cross, axis=1)
-        chances = np.where(apart < (_NEAR * height) ** 2, areas, 0.0)
+        areas = np.maximum(np.linalg.norm(cross, axis=1), 1e-12)
+        chances = np.where(apart < _NEAR * height, areas, 0.0)
         self._rows, self._neutral = np.zeros((0, 3, model.n_coefficients)), np.zeros((0, 3))
         self._normals = np.zeros((0, 3))
         self._radius = _RADIUS * height

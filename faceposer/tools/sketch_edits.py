@@ -14,12 +14,11 @@ from faceposer.model.feature_curves import FEATURES, feature_curves
 from faceposer.model.framing import face_view
 from faceposer.session.document import Document
 from faceposer.session.session import Session
-from faceposer.session.sketching import session_sketcher
+from faceposer.session.sketching import session_sketcher, sketch_of
 from faceposer.sketch.combining import combined
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.sketch import SketchConstraint
-from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.symmetry import Symmetry, image_of
 
 # Number of strokes that are kept for recognition.
@@ -35,11 +34,6 @@ def drawn_stroke(sketch: SketchConstraint) -> DrawnStroke:
 def drawn_strokes(constraints: Iterable[Constraint]) -> list[DrawnStroke]:
     """Return the strokes of the enabled sketches among ``constraints``."""
     return [drawn_stroke(c) for c in constraints if isinstance(c, SketchConstraint) and c.enabled]
-
-
-def sketch_of(stroke: DrawnStroke, candidate: Candidate) -> SketchConstraint:
-    """Return a constraint for ``stroke`` that depicts ``candidate``; it is not resolved to points of the face."""
-    return depicting(SketchConstraint(as_pixels(stroke.pixels), stroke.camera, candidate.feature, ()), candidate)
 
 
 def depicting(sketch: SketchConstraint, candidate: Candidate) -> SketchConstraint:

@@ -9,7 +9,7 @@ import numpy as np
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
-from faceposer.session.sketching import session_sketcher
+from faceposer.session.sketching import session_sketcher, sketch_of
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
@@ -21,7 +21,6 @@ from faceposer.tools.sketch_edits import (
     drawable_points,
     drawn_stroke,
     drawn_strokes,
-    sketch_of,
     with_feature,
     with_sketch,
 )

@@ -257,7 +257,7 @@ def test_a_view_from_the_side(context: HeadlessContext) -> None:
     context.view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0), "three-quarter")
     context.follow(way_of(context, "left brow", dy=-8.0))
     assert features(context) == ["left brow"]
-    assert context.session.residuals_px[0] < 2
+    assert context.session.residuals_px[0] < 3
     context.view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0))
     stroke = context.constraints[0].stroke
     assert tool_of(context).sketch_at(stroke[20], context) is None, "strokes of other views are out of reach"
@@ -272,7 +272,7 @@ def test_over_a_photo_from_a_tilted_camera(context: HeadlessContext) -> None:
     assert features(context) == ["left brow"]
     (sketch,) = context.constraints
     assert sketch.camera.same_viewpoint(taken)
-    assert context.session.residuals_px[0] < 2
+    assert context.session.residuals_px[0] < 3
     place = sketch.stroke[20]
     context.view = context.view.zoomed(1.5)
     seen = sketch.camera.transferred(place, context.camera)

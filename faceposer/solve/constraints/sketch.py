@@ -31,7 +31,7 @@ SKETCH_METHODS: tuple[SketchMethod, ...] = get_args(SketchMethod)
 MOST_STROKE_POINTS = 10_000
 _MOST_MATCHED = 32
 # Largest number of points of the face between two feature points.
-_PER_PIECE = 10
+_PER_PIECE = 7
 
 
 class _MatchedJson(JsonObject):

@@ -8,10 +8,10 @@ from faceposer.solve.constraints.point import SIGMA_PX
 from faceposer.solve.term import Array, Indices, PoseState
 
 # Number of points as which a whole line counts: it is drawn in one movement, so that its points are not independent.
-_LINE = 3.0
+_LINE = 2.0
 # Weight of a matched point across the line, and weights of offsets along the line relative to those across it: a hand
 # meets the course of a line better than places along it.
-_MATCHED, _ALONG_LINE, _ALONG_MATCHED = 0.3, 0.15, 0.5
+_MATCHED, _ALONG_LINE, _ALONG_MATCHED = 0.2, 0.05, 0.1
 # Standard deviation of the shift of a whole stroke, in pixels, in each direction.
 _SHIFT_PX = 4.0
 
@@ -46,15 +46,18 @@ class SketchTerm(AcrossAlongTerm):
         frames = self._frames
         weights = np.einsum("mki,mk,mkj->mij", frames, self.weights.reshape(-1, 2), frames)
         stiffness = weight / _SHIFT_PX**2
-        # The shift is the sum of these matrices times the offsets, shape (m, 2, 2).
-        self._shares = np.linalg.inv(weights.sum(axis=0) + stiffness * np.eye(2)) @ weights
+        shares = np.linalg.inv(weights.sum(axis=0) + stiffness * np.eye(2)) @ weights
+        # The shift as a linear function of the stacked offsets, shape (2, 2 m).
+        self._shares = shares.transpose(1, 0, 2).reshape(2, -1)
         self.weights = np.append(self.weights, [stiffness, stiffness])
 
     def _without_shift(self, offsets: Array) -> Array:
         """Return ``offsets``, (m, 2, ...), across and along without their shift, and the shift, (2 m + 2, ...)."""
-        shift = np.einsum("mij,mj...->i...", self._shares, offsets)
-        turned = np.einsum("mij,mj...->mi...", self._frames, offsets - shift)
-        return np.concatenate([turned.reshape(-1, *offsets.shape[2:]), shift])
+        columns = offsets.reshape(len(offsets), 2, -1)
+        shift = self._shares @ columns.reshape(2 * len(offsets), -1)
+        turned = self._frames @ (columns - shift)
+        found: Array = np.concatenate([turned.reshape(-1, columns.shape[2]), shift])
+        return found.reshape(-1, *offsets.shape[2:])
 
     def residual(self, state: PoseState) -> Array:
         """Return the offsets across and along the stroke without its shift, and the shift, shape (2 m + 2,)."""
@@ -68,4 +71,4 @@ class SketchTerm(AcrossAlongTerm):
         """Return jacobian^T ``by_residual``, shape (r,)."""
         by_pixel = np.einsum("mij,mi->mj", self._frames, by_residual[:-2].reshape(-1, 2))
         by_shift = by_residual[-2:] - by_pixel.sum(axis=0)
-        return state.pull_back(self._points, by_pixel + np.einsum("mij,i->mj", self._shares, by_shift))
+        return state.pull_back(self._points, by_pixel + (by_shift @ self._shares).reshape(-1, 2))
