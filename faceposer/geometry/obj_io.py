@@ -14,11 +14,14 @@ from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.reading import read_bytes
 from faceposer.geometry.mtl_io import writable_name
-from faceposer.geometry.obj_blocks import UTF16, WIDTHS, Counts, numbers_in, parse_block, read_blocks
+from faceposer.geometry.obj_arrays import numbers_in, parsed_at_once
+from faceposer.geometry.obj_blocks import UTF16, WIDTHS, Counts, read_blocks
+from faceposer.geometry.obj_lines import parsed_by_line
 from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, padded
 
-# Limits on groups, and on the cells of the array of polygons, which is as wide as the largest face.
-_MOST_GROUPS, _MOST_CELLS = 100_000, 40_000_000
+# Limits on groups, on lines that are parsed one by one, and on the cells of the array of polygons, which is as wide as
+# the largest face.
+_MOST_GROUPS, _MOST_SLOW, _MOST_CELLS = 100_000, 500_000, 40_000_000
 
 
 def write_obj(
@@ -143,7 +146,7 @@ def read_obj(path: Path) -> PolygonMesh:
     corners: list[NDArray[np.int32]] = []
     textures: list[NDArray[np.int32]] = []
     has_textures = True
-    count = began = 0
+    count = began = slow = 0
     groups: list[Group] = []
     libraries: dict[str, None] = {}
     name = material = ""
@@ -153,15 +156,21 @@ def read_obj(path: Path) -> PolygonMesh:
             groups.append(Group(name, (began, end), material))
             if len(groups) > _MOST_GROUPS:
                 raise FacePoserError(
-                    f"The mesh '{path}' has more than {_MOST_GROUPS} groups of faces; export it without groups."
+                    f"The mesh '{path}' has more than {_MOST_GROUPS:,} groups of faces; export it without groups."
                 )
 
     before = Counts()
     for block in read_blocks(path):
-        parsed = parse_block(block, before, path)
+        parsed = parsed_at_once(block, before) or parsed_by_line(block, before, path)
         for keyword, values in parsed.rows.items():
             rows[keyword].append(values)
         before = before.after(parsed.rows)
+        slow += parsed.slow + len(parsed.names)
+        if slow > _MOST_SLOW:
+            raise FacePoserError(
+                f"The mesh '{path}' has more than {_MOST_SLOW:,} lines of names, or of an unusual form; export the "
+                "face only, without groups."
+            )
         sizes.append(parsed.sizes)
         corners.append(parsed.corners)
         has_textures = has_textures and parsed.textures is not None
@@ -216,18 +225,8 @@ def obj_content(path: Path) -> bytes:
     return data
 
 
-def read_obj_positions(path: Path) -> NDArray[np.float64]:
-    """Read only the vertices of the OBJ file ``path``, shape (N, 3), many times faster than ``read_obj``.
-
-    Raises:
-        OSError: If the file cannot be read.
-        FacePoserError: If the line of a vertex is invalid.
-    """
-    return _positions(path, obj_content(path).splitlines())
-
-
 def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]:
-    """Read the vertices of the OBJ file ``path``, shape (N, 3), and a digest of the vertex indices of its faces.
+    """Read the vertices of the OBJ file ``path``, shape (N, 3), and a digest of the vertex indices of its faces, fast.
 
     Files with equal digests have the same faces. The digest is "" if indices count from the end, as their meaning
     depends on their position.

@@ -11,14 +11,12 @@ from faceposer.files import paths
 from faceposer.files.names import displayable, is_hidden
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mtl_io import read_obj_textures
-from faceposer.geometry.obj_io import obj_content, read_obj_positions
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
 from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, search_tree
 
 SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 NEUTRAL_NAMES = ("neutral", "base", "basis", "rest", "generic_neutral_mesh")
 _MAX_OFFSET_BYTES = 2 << 30
-_MAX_FILE_BYTES = 1 << 30
 
 
 def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
@@ -55,15 +53,12 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
             f"The folder '{folder}' has {len(shapes)} shapes of {len(rest.vertices)} vertices, which would take "
             f"{size >> 20} MB; choose a folder that takes less than {_MAX_OFFSET_BYTES >> 20} MB."
         )
-    text = _obj_text(neutral)
-    faces = _face_key(text, len(rest.polygons))
-    tail = _face_tail(text, len(rest.polygons))
     names, unusable = _shape_names(shapes, neutral)
     targets = {}
     report = AlignmentReport()
     tree = search_tree(rest.vertices)
     for name, path in names.items():
-        positions = _positions(path, rest, neutral, faces, tail)
+        positions = _positions(path, rest, neutral)
         aligned = lay_on(positions, rest.vertices)
         report.add(name, aligned.change)
         reason = implausible(aligned.vertices, rest.vertices, tree)
@@ -130,22 +125,8 @@ def _shape_names(shapes: list[Path], neutral: Path) -> tuple[dict[str, Path], di
     return names, unusable
 
 
-def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None, tail: bytes) -> NDArray[np.float64]:
+def _positions(path: Path, rest: PolygonMesh, neutral: Path) -> NDArray[np.float64]:
     """Return the vertices of a shape after comparing its faces with those of the neutral face."""
-    positions: NDArray[np.float64] | None = None
-    text = _obj_text(path) if faces is not None else b""
-    before = len(text) - len(tail)
-    same = bool(tail) and text.endswith(tail) and not any(0 <= text.find(b"\nf" + c) < before for c in (b" ", b"\t"))
-    if text and (same or _face_key(text, len(rest.polygons)) == faces):
-        # Reading only the positions is many times faster than reading the faces as well.
-        try:
-            positions = read_obj_positions(path)
-        except OSError as error:
-            raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
-        if len(positions) != len(rest.vertices) or not np.isfinite(positions).all():
-            positions = None
-    if positions is not None:
-        return positions
     mesh = read_mesh(path)
     remedy = "export all shapes with the same vertices in the same order"
     if len(mesh.vertices) != len(rest.vertices):
@@ -159,32 +140,6 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
             f"The faces of the shape '{path}' differ from the neutral face '{neutral}': {difference}; {remedy}."
         )
     return mesh.vertices
-
-
-def _obj_text(path: Path) -> bytes:
-    """Return the content of an OBJ file with each statement on one line, empty for other or too large files."""
-    try:
-        return obj_content(path) if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
-    except OSError as error:
-        raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
-
-
-def _face_tail(text: bytes, count: int) -> bytes:
-    """Return an OBJ's ``text`` from the first of its ``count`` faces on, for a fast comparison of faces.
-
-    It is empty if the faces depend on the preceding text, since vertices follow or an index counts from the end.
-    """
-    tail = text[text.find(b"\nf ") :]
-    return b"" if b"\nv " in tail or b"-" in tail or tail.count(b"\nf ") != count else tail
-
-
-def _face_key(text: bytes, count: int) -> bytes | None:
-    """Return the vertex indices of an OBJ's faces as text; None if they are not ``count`` or any is relative."""
-    lines = [line for line in text.splitlines() if line.startswith((b"f ", b"f\t"))]
-    # Indices of texture coordinates and normals are ignored, as exporters number them differently in each file.
-    key = re.sub(rb"/\S*", b"", b"\n".join(lines))
-    # The meaning of an index that counts from the end depends on the position of the face.
-    return None if b"-" in key or len(lines) != count else key
 
 
 def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:
