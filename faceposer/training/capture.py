@@ -305,7 +305,8 @@ class _FrameReader:
     def frame(self, cells: list[str], number: int) -> Array | None:
         """Return the weights of the line ``number``, shape (S,), or None if the face was lost."""
         header, path = self._header, self._path
-        if all(column >= len(cells) or cells[column].strip().lower() in _NO_VALUE for column in self._used):
+        lost = _NO_VALUE if len(self._used) > 1 else ("",)
+        if all(column >= len(cells) or cells[column].strip().lower() in lost for column in self._used):
             return None
         if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
             commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""

@@ -119,7 +119,7 @@ def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
         r"2 columns for eyeBlinkLeft \(EyeBlink_L, EyeBlinkLeft\)": write(
             tmp_path / "10.csv", [], ("eyeBlink_L", "eyeBlinkLeft")
         ),
-        "3 columns for cheekPuff ": write(tmp_path / "11.csv", [], ("cheekPuff", "cheekPuffLeft", "cheekPuffRight")),
+        "3 columns for cheekPuff ": write(tmp_path / "11.csv", [], ("cheekPuff_L", "cheekPuffLeft", "cheekPuffRight")),
         "cannot be read": tmp_path / "missing.csv",
         "is not a text file": tmp_path / "binary.csv",
         "no name of a shape such": tmp_path / "empty.csv",
@@ -205,7 +205,7 @@ def test_lines_of_nan_are_frames_without_a_face(tmp_path: Path) -> None:
     assert capture.lost == 1
     np.testing.assert_allclose(capture.weights[:, 0], [0.1, 0.3])
     path.write_text("time,jawOpen,mouthClose\n0,0.1,0\n0.1,NaN,0\n")
-    with pytest.raises(FacePoserError, match="Line 3 .* has 'NaN' in column jawOpen"):
+    with pytest.raises(FacePoserError, match=r"Line 3 .* has 'NaN' in column jawOpen"):
         read_capture(path)
 
 
