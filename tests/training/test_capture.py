@@ -119,7 +119,6 @@ def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
         r"2 columns for eyeBlinkLeft \(EyeBlink_L, EyeBlinkLeft\)": write(
             tmp_path / "10.csv", [], ("eyeBlink_L", "eyeBlinkLeft")
         ),
-        "3 columns for cheekPuff ": write(tmp_path / "11.csv", [], ("cheekPuff_L", "cheekPuffLeft", "cheekPuffRight")),
         "cannot be read": tmp_path / "missing.csv",
         "is not a text file": tmp_path / "binary.csv",
         "no name of a shape such": tmp_path / "empty.csv",
