@@ -166,7 +166,8 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
         document = replace(document, coefficients=None)
     path = None if session.path is None else paths.absolute(session.path)
     character = Path(document.character)
-    if character.suffix.lower() == ".npz" and not (path is not None and paths.is_file(path.parent / character)):
+    beside = path is not None and paths.is_file(paths.folder_of(path) / character)
+    if character.suffix.lower() == ".npz" and not beside:
         # The path is relative to the current folder.
         document = replace(document, character=str(paths.absolute(paths.expand_user(character))))
     return {
