@@ -17,6 +17,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.paths import expand_user
+from faceposer.files.writing import json_text
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.strokes import MOST_EFFORT, MOST_PIXELS
 from faceposer.model.face_model import FaceModel
@@ -358,10 +359,7 @@ def write_document(path: Path, document: Document) -> str:
     Raises:
         FacePoserError: If the file cannot be written, or could not be opened again.
     """
-    try:
-        text = json.dumps(document.to_json(), indent=1, allow_nan=False)
-    except ValueError as error:
-        raise FacePoserError(f"The session '{path}' cannot be written: a number in it is not finite.") from error
+    text = json_text(path, document.to_json(), "session")
     text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text) + "\n"
     try:
         Document.from_json(json.loads(text))

@@ -80,7 +80,7 @@ def test_links_that_lead_to_no_file_are_one_sentence(tmp_path: Path, elsewhere: 
         write_text(link, "new", "session")
     assert str(said.value).startswith(f"The session '{link}' cannot be written: ")
     assert str(said.value).endswith(".")
-    with pytest.raises(FacePoserError, match="link|folder"):
+    with pytest.raises(FacePoserError, match=r"link|folder"):
         check_output(link, ".json")
     assert names(tmp_path) == before
     assert names(elsewhere) == []
