@@ -7,7 +7,6 @@ from typing import Any
 from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_not_input, check_output
-from faceposer.files.writing import write_json
 
 NAME = "solve"
 # Longest time for a solve, in seconds.
@@ -35,6 +34,7 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from faceposer.cli.opening import print_remark
+    from faceposer.files.writing import write_json
     from faceposer.interchange.meshes import write_posed_obj
     from faceposer.session.document import read_document
     from faceposer.session.opening import session_for

@@ -223,7 +223,7 @@ class Document:
             photos=tuple(photo.photo() for photo in form.photos),
             contact=form.contact,
         )
-        _check_effort(document.constraints)
+        check_effort(document.constraints)
         if form.start is not UNSET:
             document = document.with_start(form.start)
         if form.coefficients is not UNSET:
@@ -273,7 +273,7 @@ def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo
         return unaligned(photo, model)
 
 
-def _check_effort(constraints: Sequence[Constraint]) -> None:
+def check_effort(constraints: Sequence[Constraint]) -> None:
     """Raise a FacePoserError if strokes and curves are too many, or cover too many pixels, to be solved."""
     drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint) for c in constraints)
     if drawn > _MAX_DRAWN:

@@ -164,7 +164,8 @@ def torture(root: Path, commands: int, windows: int, seed: int) -> dict[str, obj
         folder = root / command.name
         folder.mkdir()
         # Of the same name as the output of the killed commands, since characters are named by their files.
-        references = [folder / name / f"{_OUTPUT}{command.suffix}" for name in ("first", "again")]
+        # In folders of the same depth, since sessions refer to photos from their own.
+        references = [root / f"{command.name}-{name}" / f"{_OUTPUT}{command.suffix}" for name in ("first", "again")]
         for reference in references:
             reference.parent.mkdir()
         seconds = min(run(_called(command.called(inputs, reference))).seconds for reference in references)
