@@ -119,6 +119,10 @@ class Document:
         """Return the document with constraint ``index`` replaced."""
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
 
+    def without_constraints(self, indices: set[int]) -> "Document":
+        """Return the document without the constraints ``indices``."""
+        return replace(self, constraints=tuple(c for i, c in enumerate(self.constraints) if i not in indices))
+
     def same_input(self, other: "Document") -> bool:
         """Return True if both hold the same work: the same face, photos, contact and animation, at any frame."""
         same_keys = self.keyframes is other.keyframes or (
