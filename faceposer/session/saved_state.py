@@ -22,10 +22,6 @@ class SavedState:
         """Return True if saving ``document`` would change the content of its file."""
         return self._document is None or not document.same_input(self._document)
 
-    def mark_saved(self, document: Document) -> None:
-        """Record ``document`` as the content of the file."""
-        self._document = document
-
     def mark_unsaved(self) -> None:
         """Treat every document as changed until the next save."""
         self._document = None

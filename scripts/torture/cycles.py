@@ -51,6 +51,7 @@ class Window:
         """Open a character or a session; nothing may be asked."""
         self.app.files.open(str(what))
         self.robot.frames(3)
+        self.app.scene.draw(self.app.viewport.view.camera((64, 64)), "full", False, 0)
         self.check()
 
     def check(self) -> None:
@@ -66,7 +67,7 @@ def _characters(window: Window) -> Step:
     def step(i: int) -> None:
         path = window.folder / f"own{i % 3}.npz"
         save_character(path, replace(low, title=f"Own {i}"))
-        for what in ("creature", str(path), "low"):
+        for what in ("creature", str(path), "man", "low"):
             window.open(what)
 
     return step
