@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.reading import read_bytes
+from faceposer.files.writing import check_finite
 from faceposer.geometry.mtl_io import writable_name
 from faceposer.geometry.obj_arrays import numbers_in, parsed_at_once
 from faceposer.geometry.obj_blocks import UTF16, WIDTHS, Counts, read_blocks
@@ -102,6 +103,7 @@ class ObjWriter:
         Raises:
             FacePoserError: If the file cannot be written.
         """
+        check_finite(path, "mesh", vertices, () if normals is None else normals)
         write_text(path, self.text(vertices, normals), "mesh")
 
     def text(self, vertices: ArrayLike, normals: ArrayLike | None = None) -> str:

@@ -17,6 +17,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.paths import expand_user
+from faceposer.files.writing import json_text
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.strokes import MOST_EFFORT, MOST_PIXELS
 from faceposer.model.face_model import FaceModel
@@ -119,6 +120,10 @@ class Document:
     def with_constraint(self, index: int, constraint: Constraint) -> "Document":
         """Return the document with constraint ``index`` replaced."""
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
+
+    def without_constraints(self, indices: set[int]) -> "Document":
+        """Return the document without the constraints ``indices``."""
+        return replace(self, constraints=tuple(c for i, c in enumerate(self.constraints) if i not in indices))
 
     def same_input(self, other: "Document") -> bool:
         """Return True if both hold the same work: the same face, photos, contact and animation, at any frame."""
@@ -224,7 +229,7 @@ class Document:
             photos=tuple(photo.photo() for photo in form.photos),
             contact=form.contact,
         )
-        _check_effort(document.constraints)
+        check_effort(document.constraints)
         if form.start is not UNSET:
             document = document.with_start(form.start)
         if form.coefficients is not UNSET:
@@ -274,7 +279,7 @@ def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo
         return unaligned(photo, model)
 
 
-def _check_effort(constraints: Sequence[Constraint]) -> None:
+def check_effort(constraints: Sequence[Constraint]) -> None:
     """Raise a FacePoserError if strokes and curves are too many, or cover too many pixels, to be solved."""
     drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint) for c in constraints)
     if drawn > _MAX_DRAWN:
@@ -366,10 +371,7 @@ def write_document(path: Path, document: Document) -> str:
     Raises:
         FacePoserError: If the file cannot be written, or could not be opened again.
     """
-    try:
-        text = json.dumps(document.to_json(), indent=1, allow_nan=False)
-    except ValueError as error:
-        raise FacePoserError(f"The session '{path}' cannot be written: a number in it is not finite.") from error
+    text = json_text(path, document.to_json(), "session")
     text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text) + "\n"
     try:
         Document.from_json(json.loads(text))
