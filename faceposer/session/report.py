@@ -10,7 +10,6 @@ from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution
-from faceposer.solve.weight_fit import fit_weights
 
 
 class Residuals:
@@ -30,6 +29,9 @@ class Residuals:
 
 def solve_report(model: FaceModel, document: Document, solution: Solution) -> dict[str, Any]:
     """Return the report of ``solution`` for ``document``, ready for JSON (docs/session-format.md)."""
+    # SciPy's optimisers are slow to import, and sessions are opened at the start of the window.
+    from faceposer.solve.weight_fit import fit_weights
+
     return {
         "energy": solution.energy,
         "iterations": solution.iterations,
