@@ -25,7 +25,7 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.formats import FORMATS
 from faceposer.model.character_file import load_character, save_character
-from faceposer.poses.pose_file import Pose, pose_text
+from faceposer.poses.pose_file import Pose, write_pose
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
 
@@ -140,7 +140,7 @@ def visit_tabs(robot: Robot) -> None:
 def visit_poses(robot: Robot, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for name in ("First", "Second"):
-        (folder / f"{name.lower()}.json").write_text(pose_text(Pose(name, {"jawOpen": 0.5}, "man")))
+        write_pose(folder / f"{name.lower()}.json", Pose(name, {"jawOpen": 0.5}, "man"))
     robot.click_widget("tab:Poses")
     robot.click_widget("pose:Happiness")
     robot.click_widget("poses:region:mouth")
