@@ -71,8 +71,8 @@ class SketchOverlay:
             index = mark.index
             lit = index == pointed or (context.points_shown and index in context.toolbox.selection)
             if lit or (chosen and context.points_shown and index not in hidden):
-                strength = (1.0 if lit else 0.75) * (1.0 if mark.own_view else 0.6)
-                found.append((index, mark.feature, mark.line, INK if lit else FAINT, strength))
+                strength = (1.0 if lit else 0.7) * (1.0 if mark.own_view else 0.6)
+                found.append((index, mark.feature, mark.line, INK, strength))
         return found
 
     def _draw_unfinished(self, painter: Painter, tool: SketchTool) -> None:
