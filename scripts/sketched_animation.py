@@ -183,7 +183,7 @@ class Pictures:
             strokes = Image.new("L", picture.size, 0)
             draw = ImageDraw.Draw(strokes)
             for line in lines.values():
-                draw.line([tuple(point) for point in line.tolist()], fill=round(255 * opacity), width=7, joint="curve")
+                draw.line([tuple(point) for point in line.tolist()], fill=round(255 * opacity), width=5, joint="curve")
             picture.paste(Image.new("RGB", picture.size, _ACCENT), mask=strokes)
         return picture.resize(size, Image.Resampling.LANCZOS)
 

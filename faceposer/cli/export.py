@@ -201,10 +201,10 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
         return read.coefficients
     holds_animation = options.sequence is not None or format_of(options.output).animated
     if options.inbetweens is not None:
-        animation = session.animation
-        if animation.performance is None:
+        controller = session.animation
+        if controller.performance is None:
             raise FacePoserError(f"--inbetweens applies to the keys of a session, but '{options.what}' has none.")
-        animation.change(replace(animation.keyframes, inbetweens=options.inbetweens), "Change the in-betweens")
+        controller.change(replace(controller.keyframes, inbetweens=options.inbetweens), "Change the in-betweens")
     performance = session.animation.performance if holds_animation and not options.still else None
     if performance is not None and len(performance) > 1:
         _print_cut(f"{options.what}: {len(performance)} frames at {performance.rate:g} fps")

@@ -72,7 +72,9 @@ class PointFaces:
 
     def points_of(self, poses: Array) -> Array:
         """Return the positions of all feature points, shape (n, F, 3), in ``poses``, shape (n, r)."""
-        return np.asarray(self.training.neutral + np.einsum("fdr,nr->nfd", self.training.rows, poses))
+        neutral, rows = self.training.neutral, self.training.rows
+        offsets = poses @ rows.reshape(-1, rows.shape[2]).T
+        return np.asarray(neutral + offsets.reshape(len(poses), *neutral.shape))
 
     def poses_of(self, points: Array) -> Array:
         """Return the poses, shape (n, r), of the faces with feature ``points``, shape (n, F, 3)."""
