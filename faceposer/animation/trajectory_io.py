@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from faceposer.animation.trajectories import Trajectories
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json, shown
-from faceposer.files.sample_times import USUAL_RATE, assumed_rate, nearest_known
+from faceposer.files.sample_rates import USUAL_RATE, nearest_known
+from faceposer.files.sample_times import assumed_rate
 from faceposer.geometry.camera import Camera, OrbitView, ViewName
 from faceposer.geometry.marker_csv import MAX_MARKERS, MarkerTable, parse_marker_csv
 from faceposer.geometry.marker_io import MarkerMotion, read_markers

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted
-from faceposer.files.sample_times import USUAL_RATE, assumed_rate
+from faceposer.files.sample_rates import USUAL_RATE
+from faceposer.files.sample_times import assumed_rate
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
