@@ -88,7 +88,10 @@ def _weights_from_json(data: Any, path: Path, rate: float | None) -> NamedWeight
         found = foreign_weights(data, path, rate)
         if found is not None:
             return found
-        raise FacePoserError(f'the file has no "format": "{FORMAT}", and no weights of ARKit\'s shapes by their names.')
+        raise FacePoserError(
+            f'the file has no "format": "{FORMAT}", and no weights of ARKit\'s shapes in a form that is read: '
+            "numbers by name in each frame, named weights, rows with a list of names, or curves with times."
+        )
     check_header(data, FORMAT, VERSION)
     form = convert(data, _WeightsFile)
     return NamedWeights(form.names, np.array(form.frames), rate or form.rate)

@@ -34,7 +34,9 @@ FORMAT = "faceposer.session"
 VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _MAX_PRIOR_WEIGHT = 1000.0
-_MAX_CONSTRAINTS, _MAX_DRAWN = 2_000, 500
+_MAX_CONSTRAINTS, _MAX_DRAWN = 2_000, 200
+# Maximum effort of all strokes with the energy "image", whose pixels are compared in each step of the solver.
+_MOST_IMAGES = 200_000
 # A list of numbers over several lines, as the indented output has it.
 _NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
 
@@ -279,6 +281,12 @@ def _check_effort(constraints: Sequence[Constraint]) -> None:
         raise FacePoserError(f"constraints has {drawn} strokes and curves; there may be {_MAX_DRAWN}.")
     if sum(c.effort for c in constraints if isinstance(c, StrokeConstraint)) > MOST_EFFORT:
         raise FacePoserError(f"the strokes of constraints must not cover more than {MOST_PIXELS} pixels together.")
+    images = sum(c.image_effort for c in constraints if isinstance(c, StrokeConstraint))
+    if images > _MOST_IMAGES:
+        raise FacePoserError(
+            f'the strokes of constraints with the energy "image" must not cover more than {_MOST_IMAGES // 2} pixels '
+            'together; use the energy "distance".'
+        )
 
 
 def absolute_character(character: str, folder: Path) -> str:

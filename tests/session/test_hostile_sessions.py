@@ -98,8 +98,8 @@ def test_a_large_source_is_thinned(tmp_path: Path) -> None:
 def test_counts_are_limited(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="constraints must be a list of at most 2000"):
         read_document(session_file(tmp_path, *[point()] * 2001))
-    with pytest.raises(FacePoserError, match="constraints has 501 strokes and curves; there may be 500"):
-        read_document(session_file(tmp_path, *[stroke()] * 501))
+    with pytest.raises(FacePoserError, match="constraints has 201 strokes and curves; there may be 200"):
+        read_document(session_file(tmp_path, *[stroke()] * 201))
 
 
 @pytest.mark.parametrize("depth", [-8.0, 8.0, 1e6])

@@ -29,7 +29,7 @@ StrokeEnergy = Literal["distance", "image"]
 STROKE_ENERGIES: tuple[StrokeEnergy, ...] = get_args(StrokeEnergy)
 WIDEST = 200.0
 # Largest number of points of a stroke that are evaluated, and of pixels at which a source is picked.
-_SAMPLES, _MOST_PICKED = 200, 50_000
+_SAMPLES, _MOST_PICKED = 200, 20_000
 
 
 class _PaintedJson(JsonObject):
@@ -114,6 +114,13 @@ class StrokeConstraint(ConstraintBase):
         """Upper bound of the pixels that are handled to find what both strokes cover."""
         paths = (self.target,) if isinstance(self.source, SurfacePoints) else (self.source, self.target)
         return sum(stroke_effort(path, self.width, self.shape) for path in paths)
+
+    @property
+    def image_effort(self) -> float:
+        """Upper bound of the pixels that are compared in each step of the solver; 0 for distances."""
+        if self.energy != "image":
+            return 0.0
+        return self.effort + (len(self.source) if isinstance(self.source, SurfacePoints) else 0)
 
     @property
     def places(self) -> SurfacePoints | None:
