@@ -86,6 +86,14 @@ def nearest_known(rate: float, tolerance: float) -> float:
     return min(within, key=lambda known: (known % 1.0 != 0.0, abs(known - rate)), default=round(rate, 3))
 
 
+def apart(times: Array) -> str:
+    """Return the shortest and longest step of rising ``times`` for display, such as "0.5 to 4 s apart"."""
+    least, most = float(np.diff(times).min()), float(np.diff(times).max())
+    unit, factor = ("s", 1.0) if most >= 1.0 else ("ms", 1e3)
+    first, last = f"{factor * least:.3g}", f"{factor * most:.3g}"
+    return f"{first if first == last else f'{first} to {last}'} {unit} apart"
+
+
 def decimal_quantum(times: Array) -> float | None:
     """Return the unit from 1 to 0.001 seconds to which ``times`` are rounded, or None if they are finer."""
     since = times - times[0]

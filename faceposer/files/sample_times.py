@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.files.sample_rates import USUAL_RATE, decimal_quantum, sequence_of
+from faceposer.files.sample_rates import USUAL_RATE, apart, decimal_quantum, sequence_of
 
 Array = NDArray[np.float64]
 
@@ -132,11 +132,7 @@ def _keys(places: Array, found: float, where: str, rate: float | None, notes: tu
 
 def _uneven_note(times: Array, rate: float) -> str:
     """Return the sentence about samples at ``times`` that were interpolated at ``rate`` frames per second."""
-    least, most = float(np.diff(times).min()), float(np.diff(times).max())
-    unit, factor = ("s", 1.0) if most >= 1.0 else ("ms", 1e3)
-    shown = f"{factor * least:.3g}", f"{factor * most:.3g}"
-    apart = shown[0] if shown[0] == shown[1] else f"{shown[0]} to {shown[1]}"
-    return f"Its samples are {apart} {unit} apart; they were interpolated at {rate:.5g} frames per second."
+    return f"Its samples are {apart(times)}; they were interpolated at {rate:.5g} frames per second."
 
 
 def _apart(times: Array) -> tuple[Array, tuple[str, ...]]:

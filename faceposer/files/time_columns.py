@@ -38,6 +38,8 @@ _DAY_BEFORE = re.compile(r"\d{1,4}[./-]\d{1,2}[./-]\d{1,4}[T ,]+(?=\d)")
 _BASES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240, 1000)
 _BASE_OF_APPS = 60
 _DROPPING = (30, 60)
+# Deviation of steps from each other, as a part of a step, from which timecodes are read without parts of frames.
+_UNEVEN = 0.05
 _DAY = 86_400.0
 # Steps of samples in seconds, from 240 to 5 a second.
 _PLAUSIBLE = (1.0 / 260.0, 0.21)
@@ -292,7 +294,8 @@ def _of_timecodes(found: Sequence[re.Match[str] | None]) -> ColumnTimes:
 def _counts_are_even(whole: Array, frames: Array) -> bool:
     """Return True if whole ``frames`` follow each other more evenly than with their parts, which are of no moment."""
     fine, coarse = np.diff(whole + frames), np.diff(whole + np.floor(frames))
-    return len(coarse) > 1 and bool((coarse > 0.0).all()) and float(np.std(coarse)) < 0.5 * float(np.std(fine))
+    uneven = len(coarse) > 1 and bool((coarse > 0.0).all()) and float(np.std(fine)) > _UNEVEN * float(np.median(coarse))
+    return uneven and float(np.std(coarse)) < 0.5 * float(np.std(fine))
 
 
 def _base(seconds: Array, frames: Array) -> tuple[int, bool]:

@@ -13,15 +13,15 @@ from faceposer.files.sample_times import assumed_rate
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
-from faceposer.interchange.gltf_weights import read_gltf_weights
-from faceposer.interchange.named_weights import NamedWeights
-from faceposer.interchange.takes import read_take
 from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.performance import Performance
 from faceposer.model.sampling import resampled
 from faceposer.model.shape_names import half_shapes_of, whole_shape_of
+from faceposer.training.gltf_weights import read_gltf_weights
+from faceposer.training.named_weights import NamedWeights
+from faceposer.training.takes import read_take
 
 Array = NDArray[np.float64]
 

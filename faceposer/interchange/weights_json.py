@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonError, check_header, convert, read_json, shown
-from faceposer.interchange.foreign_weights import foreign_weights
-from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.training.foreign_weights import foreign_weights
+from faceposer.training.named_weights import NamedWeights
 
 FORMAT = "faceposer.weights"
 VERSION = 1

@@ -24,6 +24,7 @@ from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, 
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
+from faceposer.training.weight_range import HIGHEST, LOWEST, in_range
 
 Array = NDArray[np.float64]
 
@@ -31,10 +32,6 @@ _Lines = Iterable[Row]
 
 _MAX_BYTES = 256 * 2**20
 _MOST_ROWS = 250_000
-# Channels range from 0 to 1, and tracking exceeds this slightly; values beyond these are percentages or invalid.
-_LOWEST, _HIGHEST = -1.0, 2.0
-# Percentages: their limit, the frames that it takes to tell, and the share of weights, if not 0, beyond those limits.
-_MOST_PERCENT, _FRAMES_TO_TELL, _SHARE_TO_TELL = 110.0, 10, 0.2
 # Columns before the weights in a Face Cap frame: "k", the time, and the poses of the head and the eyes.
 _FACE_CAP_WEIGHTS = 12
 _FACE_CAP_LINES = ("info", "bs", "k")
@@ -307,8 +304,8 @@ class _FrameReader:
         values = decimal_numbers([cells[column] for column in self._used])
         if values is None:
             values = [_weight(cells[column], header[column], path, number) for column in self._used]
-        if self._beyond is None and (min(values) < _LOWEST or max(values) > _HIGHEST):
-            i = next(i for i, value in enumerate(values) if not _LOWEST <= value <= _HIGHEST)
+        if self._beyond is None and (min(values) < LOWEST or max(values) > HIGHEST):
+            i = next(i for i, value in enumerate(values) if not LOWEST <= value <= HIGHEST)
             column = self._used[i]
             self._beyond = _no_weight(cells[column], header[column], path, number)
         weights = np.array(values)
@@ -324,11 +321,10 @@ class _FrameReader:
         """
         if self._beyond is None:
             return weights, ()
-        sizes = np.abs(weights[weights != 0.0])
-        share = float((sizes > _HIGHEST).mean())
-        if sizes.max() > _MOST_PERCENT or share < _SHARE_TO_TELL or len(weights) < _FRAMES_TO_TELL:
+        found = in_range(weights)
+        if found is None:
             raise self._beyond
-        return weights / 100.0, (f"Its weights reach {sizes.max():.4g} and were read as percentages.",)
+        return found[0], (found[1],) if found[1] else ()
 
 
 def _weight(cell: str, name: str, path: Path, number: int) -> float:

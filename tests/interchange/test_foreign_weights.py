@@ -119,7 +119,7 @@ def test_curves_with_keys_of_their_own_are_interpolated(tmp_path: Path) -> None:
     ]
     read = read_weights(write(tmp_path / "a.json", {"curves": curves}))
     assert read.rate == 30.0
-    assert "Its keys are far apart; 30 frames per second were assumed." in read.notes
+    assert "Its keys are 1 s apart; they were interpolated at 30 frames per second." in read.notes
     np.testing.assert_allclose(read.frames[:, 0], np.arange(61) / 60.0, atol=1e-9)
     np.testing.assert_allclose(read.frames[:, 1], 0.5)
     assert len(read_weights(tmp_path / "a.json", 10.0).frames) == 21

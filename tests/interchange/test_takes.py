@@ -12,10 +12,10 @@ from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import write
 from faceposer.interchange.reading import read_performance, read_pose
-from faceposer.interchange.takes import read_take
 from faceposer.model.face_model import FaceModel
 from faceposer.model.sampling import resampled
 from faceposer.render.options import OutputOptions
+from faceposer.training.takes import read_take
 from tests.files.test_sample_times import timecode
 
 CASES = Path(os.environ.get("FACEPOSER_CASES", ""))

@@ -14,18 +14,16 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import frames_at, frames_in_order, frames_numbered, interpolated
 from faceposer.files.time_columns import is_frame_number, is_time, numbers_of, times_of
-from faceposer.interchange.keyed_curves import Curve, curve_of, sampled, without_affixes
-from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.shape_names import canonical_shape
+from faceposer.training.keyed_curves import Curve, curve_of, sampled, without_affixes
+from faceposer.training.named_weights import NamedWeights
+from faceposer.training.weight_range import in_range
 
 _DEEPEST = 6
 _MOST_FRAMES = 250_000
 _RATE_KEYS = ("rate", "fps", "framerate", "exportfps", "samplerate", "framespersecond", "samplingrate")
 _VALUE_KEYS = ("score", "value", "weight", "values", "weights", "coefficient", "intensity", "keys", "frames")
 _FASTEST = 1000.0
-# Tracking goes a little beyond 1; percentages go to 100.
-_MOST, _PERCENT = 2.0, 110.0
-_PERCENT_SHARE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +111,11 @@ def _sampled(found: _Found, rate: float | None) -> NamedWeights:
 
 def _in_range(values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return weights from 0 to 1, and the sentence about percentages."""
-    most = float(np.abs(values).max(initial=0.0))
-    if most <= _MOST:
-        return values, ()
-    moved = np.abs(values[values != 0.0])
-    if most <= _PERCENT and (moved > _MOST).mean() >= _PERCENT_SHARE:
-        return values / 100.0, (f"Its weights reach {most:.4g} and were read as percentages.",)
-    raise FacePoserError(f"its weights reach {most:.4g}, which is neither of 0 to 1 nor of 0 to 100.")
+    found = in_range(values)
+    if found is None:
+        most = float(np.abs(values).max())
+        raise FacePoserError(f"its weights reach {most:.4g}, which is neither of 0 to 1 nor of 0 to 100.")
+    return found[0], (found[1],) if found[1] else ()
 
 
 def _search(data: Any, where: str, names: tuple[str, ...], rate: float | None, depth: int) -> list[_Found]:
