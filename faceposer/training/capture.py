@@ -24,6 +24,7 @@ from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, 
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
+from faceposer.training.take_rows import face_column, is_comment, kept_rows, unread_note
 from faceposer.training.weight_range import HIGHEST, LOWEST, in_range
 
 Array = NDArray[np.float64]
@@ -34,7 +35,8 @@ _MAX_BYTES = 256 * 2**20
 _MOST_ROWS = 250_000
 # Columns before the weights in a Face Cap frame: "k", the time, and the poses of the head and the eyes.
 _FACE_CAP_WEIGHTS = 12
-_FACE_CAP_LINES = ("info", "bs", "k")
+_FACE_CAP_KIND = "k"
+_FACE_CAP_LINES = ("info", "bs", _FACE_CAP_KIND)
 _FACE_CAP_TIME = "time (ms)"
 # Lines above a header: comments, or facts about the take.
 _LONGEST_PREAMBLE = 12
@@ -69,17 +71,25 @@ class Clock:
         count = len(self.seen)
         if not self.cells:
             return frames_in_order(count, rate or self.rate)
+        numbers: Array | None
         if not is_frame_number(self.heading):
             times = times_of(self.heading, self.cells)
+            numbers = numbers_of(self.cells) if times is None else None
+            if numbers is not None and (np.diff(numbers) >= 1.0).all():
+                found = frames_numbered(numbers, str(path), rate or self.rate)
+                shown = shown_heading(self.heading)
+                why = f"The times in its column '{shown}' have no unit and rise like numbers of frames; they were read"
+                return replace(found, notes=(f"{why} as these.", *found.notes)) if count > 1 and rate is None else found
             if times is None:
                 why = f"The times in its column '{shown_heading(self.heading)}' are not understood"
                 return frames_in_order(count, rate or self.rate, why)
             placed = frames_at(times.seconds, str(path), rate)
-            said = times.note and rate is None and count > 1 and not placed.assumed
-            return replace(placed, notes=(times.note, *placed.notes)) if said else placed
+            said = (times.note if rate is None and count > 1 and not placed.assumed else "", times.lost)
+            return replace(placed, notes=(*filter(None, said), *placed.notes))
         numbers = numbers_of(self.cells)
         if numbers is None:
-            return frames_in_order(count, rate or self.rate)
+            why = f"Numbers of frames in its column '{shown_heading(self.heading)}' cannot be read"
+            return frames_in_order(count, rate or self.rate, why)
         return frames_numbered(numbers, str(path), rate or self.rate)
 
 
@@ -165,27 +175,39 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
         rows = lines
     columns, spelling = _columns(header, path)
     reader = _FrameReader(header, columns, path)
-    frames: list[NDArray[np.float64]] = []
-    seen: list[bool] = []
+    frames: list[NDArray[np.float64] | None] = []
     times: list[str] = []
+    faces: list[str] = []
     clock: int | None = None
+    face = face_column(header)
     for number, cells in rows:
-        if len(seen) == _MOST_ROWS:
+        if is_comment(cells):
+            continue
+        if len(frames) == _MOST_ROWS:
             raise FacePoserError(f"'{path}' has more than {_MOST_ROWS:,} frames; split it into shorter takes.")
-        if not seen:
+        if not frames:
             clock = _time_column(header, cells)
             rate = rate or _rate_column(header, cells)
-        frame = reader.frame(cells, number)
-        seen.append(frame is not None)
-        if frame is not None:
-            frames.append(frame)
+        frames.append(reader.frame(cells, number))
         if clock is not None:
             times.append(cells[clock] if clock < len(cells) else "")
-    if not frames:
-        raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
+        if face is not None:
+            faces.append(cells[face] if face < len(cells) else "")
     heading = "" if clock is None else header[clock]
-    weights, notes = reader.in_range(np.array(frames))
-    return Capture(tuple(columns), weights, Clock(np.array(seen), heading, tuple(times), rate), (*spelling, *notes))
+    kept, left_out = kept_rows(heading, times, faces, frames)
+    rows_kept = np.flatnonzero(kept).tolist()
+    seen = np.array([frames[i] is not None for i in rows_kept], dtype=bool)
+    if not seen.any():
+        raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
+    weights, percent = reader.in_range(np.array([frames[i] for i in rows_kept if frames[i] is not None]))
+    notes = (*spelling, unread_note(_unread(header, columns)), *percent, left_out)
+    found = Clock(seen, heading, tuple(times[i] for i in rows_kept if times), rate)
+    return Capture(tuple(columns), weights, found, tuple(note for note in notes if note))
+
+
+def _unread(header: list[str], columns: Mapping[str, list[int]]) -> list[str]:
+    read = {column for group in columns.values() for column in group}
+    return [name for column, name in enumerate(header) if name and column not in read and name != _FACE_CAP_KIND]
 
 
 def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[str], float | None]:
@@ -255,7 +277,7 @@ def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
                 f"Line {number} of '{path}' begins with '{cells[0][:20]}' instead of 'info', 'bs' or 'k', which Face "
                 "Cap writes; export the take again."
             )
-    return ["k", _FACE_CAP_TIME, *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
+    return [_FACE_CAP_KIND, _FACE_CAP_TIME, *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
 
 
 def _columns(header: list[str], path: Path) -> tuple[dict[str, list[int]], tuple[str, ...]]:

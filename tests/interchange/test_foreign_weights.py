@@ -9,8 +9,8 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.reading import read_performance
-from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
+from faceposer.training.weights_file import read_weights
 
 JAW = [round(i / 20, 3) for i in range(20)]
 NAMES = ["eyeBlinkLeft", "jawOpen", "somethingElse", "mouth_close"]

@@ -13,7 +13,6 @@ from faceposer.interchange.formats import write
 from faceposer.interchange.glb import write_glb
 from faceposer.interchange.meshes import write_posed_obj, write_posed_ply
 from faceposer.interchange.reading import read_performance, read_pose
-from faceposer.interchange.weights_json import read_weights
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
@@ -23,6 +22,7 @@ from faceposer.model.shape_names import weight_map
 from faceposer.progress import Progress
 from faceposer.render.options import OutputOptions
 from faceposer.training.rigs import RigOptions, character_from_morphs
+from faceposer.training.weights_file import read_weights
 from tests.rigs import with_wholes
 from tests.training.faces import morph_mesh, rotation
 
