@@ -26,10 +26,10 @@ _LONGEST_TURN = 3600.0
 _LOWEST_RATE, _HIGHEST_RATE = 1e-3, 1e3
 
 
-def _warn(notes: str) -> None:
-    """Warn the caller of a method about ``notes``, if there are any."""
+def _warn(path: str | PathLike[str], notes: str) -> None:
+    """Warn the caller of a method about ``notes`` on the file ``path``, if there are any."""
     if notes:
-        warnings.warn(notes, FacePoserWarning, stacklevel=3)
+        warnings.warn(f"{fspath(path)}: {notes}", FacePoserWarning, stacklevel=3)
 
 
 class MotionMixin:
@@ -78,7 +78,7 @@ class MotionMixin:
         if rate is not None:
             checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
         read = read_performance(Path(path), self.session.model, rate)
-        _warn(read.note)
+        _warn(path, read.note)
         self.play(read.performance)
         return read.performance
 
@@ -111,7 +111,7 @@ class MotionMixin:
             if rate is not None:
                 checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
             read = read_trajectories(Path(trajectories), model.character, camera=camera, rate=rate)
-            _warn(" ".join(read.notes))
+            _warn(trajectories, " ".join(read.notes))
             trajectories, _ = read.without_jumps()
         return solve_trajectories(
             model,

@@ -16,7 +16,7 @@ KNOWN_RATES = (
     *(24000 / 1001, 30000 / 1001, 60000 / 1001, 120000 / 1001, 12.5),
 )
 #: Samples per second below which even samples are keys of an animation rather than frames.
-SLOWEST_TAKE = 4.5
+SLOWEST_TAKE = 3.0
 # Rates at which keys are sampled, if all of them are on frames.
 _KEY_RATES = (30.0, 24.0, 25.0, 60.0, 50.0, 30000 / 1001, 24000 / 1001, 48.0, 60000 / 1001, 120.0)
 # Seconds by which a key may be off a frame, as 32 bit numbers and three decimals are.

@@ -96,12 +96,12 @@ def test_frames_without_a_face_are_interpolated_and_said(empty: Any, tmp_path: P
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        ({"a": FORMS["objects"], "b": FORMS["objects"]}, "in several places, '.a' and '.b'"),
+        ({"a": FORMS["objects"], "b": FORMS["objects"]}, "in several places, 'a' and 'b'"),
         ([{"jawOpen": 7.0}, {"jawOpen": 1e9}], "which is neither of 0 to 1 nor of 0 to 100"),
         ({"a": [1, 2, {"b": 3}]}, 'no "format"'),
         ([], 'no "format"'),
         ([[[[[[[[[[[[{"jawOpen": 1}]]]]]]]]]]]], 'no "format"'),
-        ({"jawOpen": True}, 'no "format"'),
+        ({"jawOpen": True}, "jawOpen must be a number, not true"),
         ({"jawOpen": [0, 1], "mouthClose": [1]}, 'no "format"'),
         ({"format": "faceposer.session", "jawOpen": 1}, 'no "format"'),
     ],

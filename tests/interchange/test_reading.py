@@ -191,7 +191,7 @@ def test_foreign_shapes_are_left_out_and_told(low: FaceModel, tmp_path: Path) ->
     data = {"format": "faceposer.weights", "version": 1, "names": ["jawOpen", "hat"], "frames": [[1.0, 3.0]]}
     (tmp_path / "a.json").write_text(json.dumps(data))
     read = read_pose(tmp_path / "a.json", low)
-    assert read.note == "1 of its 2 shapes were ignored, because Low-poly head does not have them."
+    assert read.note == "1 of its 2 shapes was not read, because Low-poly head does not have them."
     assert distance(low, read.coefficients, low.coefficients_of({"jawOpen": 1.0})) < 1e-6
 
 
