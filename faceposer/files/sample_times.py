@@ -77,7 +77,7 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
         return replace(turned, places=turned.places[::-1], notes=(note, *turned.notes))
     times, notes = _rising(complete)
     if not (np.diff(times) > 0.0).any():
-        return frames_in_order(count, rate, "Its times do not change")
+        return frames_in_order(count, rate, "Its times do not rise")
     times, spread = _apart(times)
     steps = np.diff(times)
     usual = float(np.median(steps[steps > 0.0]))

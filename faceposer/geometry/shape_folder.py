@@ -12,14 +12,14 @@ from faceposer.files.names import displayable, is_hidden
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
-from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, search_tree
+from faceposer.geometry.shape_alignment import Alignment, AlignmentReport, implausible, lay_on, search_tree
 
 SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 NEUTRAL_NAMES = ("neutral", "base", "basis", "rest", "generic_neutral_mesh")
 _MAX_OFFSET_BYTES = 2 << 30
 
 
-def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
+def read_shape_folder(folder: Path, neutral: Path | None = None, align: bool = True) -> MorphMesh:
     """Read the meshes in ``folder`` as offsets from the neutral face.
 
     Shapes are named by their files, without a common prefix. Faces, texture coordinates and groups are those of the
@@ -28,6 +28,7 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
     Args:
         folder: Folder of OBJ, PLY, STL or OFF files with the same vertices in the same order.
         neutral: File of the neutral face, in the folder or elsewhere; found by its name if None.
+        align: False to read shapes where they are stored.
 
     Raises:
         FacePoserError: If no neutral face is found, two shapes have the same name, or a file cannot be read or has a
@@ -55,11 +56,13 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         )
     names, unusable = _shape_names(shapes, neutral)
     targets = {}
+    reordered: list[str] = []
     report = AlignmentReport()
     tree = search_tree(rest.vertices)
     for name, path in names.items():
-        positions = _positions(path, rest, neutral)
-        aligned = lay_on(positions, rest.vertices)
+        positions, is_reordered = _positions(path, rest, neutral)
+        reordered += [name] if is_reordered else []
+        aligned = lay_on(positions, rest.vertices) if align else Alignment(positions)
         report.add(name, aligned.change)
         reason = implausible(aligned.vertices, rest.vertices, tree)
         if reason:
@@ -70,6 +73,13 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         with np.errstate(over="ignore"):
             targets[name] = (aligned.vertices - rest.vertices).astype(np.float32)
     textures, notes = read_obj_textures(neutral, rest)
+    if reordered:
+        plural = len(reordered) > 1
+        notes = (
+            f"{len(reordered)} shape{'s have' if plural else ' has'} the vertices in another order than the neutral "
+            f"face (such as '{reordered[0][:60]}'); {'their' if plural else 'its'} faces gave the order.",
+            *notes,
+        )
     return MorphMesh(rest, targets, textures, (*report.notes(), *notes), unusable)
 
 
@@ -125,8 +135,8 @@ def _shape_names(shapes: list[Path], neutral: Path) -> tuple[dict[str, Path], di
     return names, unusable
 
 
-def _positions(path: Path, rest: PolygonMesh, neutral: Path) -> NDArray[np.float64]:
-    """Return the vertices of a shape after comparing its faces with those of the neutral face."""
+def _positions(path: Path, rest: PolygonMesh, neutral: Path) -> tuple[NDArray[np.float64], bool]:
+    """Return the vertices of a shape in the order of the neutral face, and True if the file has another order."""
     mesh = read_mesh(path)
     remedy = "export all shapes with the same vertices in the same order"
     if len(mesh.vertices) != len(rest.vertices):
@@ -135,11 +145,26 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path) -> NDArray[np.float
             f"'{neutral}' has {len(rest.vertices)}; {remedy}."
         )
     difference = _first_difference(mesh, rest)
+    order = _order_by_faces(mesh, rest) if difference else None
+    if order is not None:
+        return mesh.vertices[order], True
     if difference:
         raise FacePoserError(
             f"The faces of the shape '{path}' differ from the neutral face '{neutral}': {difference}; {remedy}."
         )
-    return mesh.vertices
+    return mesh.vertices, False
+
+
+def _order_by_faces(mesh: PolygonMesh, rest: PolygonMesh) -> NDArray[np.intp] | None:
+    """Return the vertex of ``mesh`` for each vertex of ``rest`` if their faces correspond in their order, else None."""
+    if mesh.polygons.shape != rest.polygons.shape:
+        return None
+    order = np.full(len(rest.vertices) + 1, -1, dtype=np.intp)
+    # Faces of fewer corners end in -1, which corresponds to itself.
+    order[rest.polygons] = mesh.polygons
+    is_same = bool((order[rest.polygons] == mesh.polygons).all()) and order[-1] == -1
+    order = order[:-1]
+    return order if is_same and (np.bincount(order[order >= 0], minlength=len(order)) == 1).all() else None
 
 
 def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:

@@ -42,6 +42,8 @@ _FACE_CAP_TIME = "time (ms)"
 _LONGEST_PREAMBLE = 12
 _RATE = re.compile(r"\W*(?:fps|(?:frame|sample)?[ _-]?rate|frames[ _-]?per[ _-]?second)\W*(?:hz)?\W*", re.IGNORECASE)
 _FASTEST = 1000.0
+# Cells of a line in which the face was lost.
+_NO_VALUE = ("", "nan", "null", "none", "-")
 #: Two-sided shapes that some apps split into sides; their mean is used.
 _SPLIT = ("browInnerUp", "cheekPuff")
 
@@ -288,6 +290,13 @@ def _columns(header: list[str], path: Path) -> tuple[dict[str, list[int]], tuple
     for column, name in enumerate(header):
         if name in shapes:
             found[whole_shape_of(shapes[name])].append(column)
+    notes = [match.note] if match.note else []
+    for shape in _SPLIT:
+        whole = [column for column in found[shape] if shapes[header[column]] == shape]
+        if whole and len(whole) < len(found[shape]):
+            notes.append(f"The halves of {shape} are not used, since the whole is in column '{header[whole[0]][:60]}'.")
+            found[shape] = whole
+    found = defaultdict(list, {shape: columns for shape, columns in found.items() if columns})
     for shape, columns in found.items():
         names = {header[column].lower() for column in columns}
         if len(names) < len(columns) or len(columns) > (2 if shape in _SPLIT else 1):
@@ -298,7 +307,7 @@ def _columns(header: list[str], path: Path) -> tuple[dict[str, list[int]], tuple
             f"'{path}' names no shape such as jawOpen or eyeBlink_L; export it with the names of its shapes."
         )
     ordered = {shape: found[shape] for shape in ARKIT_SHAPES if shape in found}
-    return ordered, (match.note,) if match.note else ()
+    return ordered, tuple(notes)
 
 
 class _FrameReader:
@@ -315,7 +324,8 @@ class _FrameReader:
     def frame(self, cells: list[str], number: int) -> Array | None:
         """Return the weights of the line ``number``, shape (S,), or None if the face was lost."""
         header, path = self._header, self._path
-        if all(column >= len(cells) or not cells[column].strip() for column in self._used):
+        lost = _NO_VALUE if len(self._used) > 1 else ("",)
+        if all(column >= len(cells) or cells[column].strip().lower() in lost for column in self._used):
             return None
         if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
             commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""

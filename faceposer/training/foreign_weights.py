@@ -122,6 +122,8 @@ def _placed(found: _Found, path: Path, rate: float | None) -> NamedWeights:
 
 def _sampled(found: _Found, rate: float | None) -> NamedWeights:
     """Return the weights of curves at even times."""
+    if len({is_frame_number(curve.heading) for curve in found.curves.values()}) > 1:
+        raise FacePoserError("some of its curves have keys at times and some at frames; use one of both.")
     read = sampled(found.curves, rate or found.rate, _MOST_FRAMES)
     if read is None:
         raise FacePoserError(f"its keys span more than {_MOST_FRAMES:,} frames.")

@@ -141,3 +141,12 @@ def test_names_with_affixes_are_read_and_told(affixes: tuple[str, str], tmp_path
 def test_the_forms_that_are_read_are_listed_where_none_is_found(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="numbers by name in each frame, named weights, rows with a list of names"):
         read_weights(write(tmp_path / "a.json", {"curves": [{"name": "jawOpen", "handles": [[0, 1]]}]}))
+
+
+def test_curves_at_times_and_at_frames_are_not_mixed(tmp_path: Path) -> None:
+    curves = [
+        {"name": "jawOpen", "keys": [{"time": 0.0, "value": 0.0}]},
+        {"name": "mouthClose", "keys": [{"frame": 1, "value": 0.5}]},
+    ]
+    with pytest.raises(FacePoserError, match="some of its curves have keys at times and some at frames"):
+        read_weights(write(tmp_path / "a.json", curves))

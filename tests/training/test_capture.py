@@ -119,7 +119,6 @@ def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
         r"2 columns for eyeBlinkLeft \(EyeBlink_L, EyeBlinkLeft\)": write(
             tmp_path / "10.csv", [], ("eyeBlink_L", "eyeBlinkLeft")
         ),
-        "3 columns for cheekPuff ": write(tmp_path / "11.csv", [], ("cheekPuff", "cheekPuffLeft", "cheekPuffRight")),
         "cannot be read": tmp_path / "missing.csv",
         "is not a text file": tmp_path / "binary.csv",
         "no name of a shape such": tmp_path / "empty.csv",
@@ -196,3 +195,22 @@ def test_of_two_spellings_side_by_side_the_more_frequent_is_read(tmp_path: Path)
     capture = read_capture(path)
     assert capture.weights[0, capture.shape_names.index("jawOpen")] == 0.5
     assert "not used" in capture.notes[0]
+
+
+def test_lines_of_nan_are_frames_without_a_face(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,jawOpen,mouthClose\n0,0.1,0\n0.1,NaN,nan\n0.2,0.3,0\n")
+    capture = read_capture(path)
+    assert capture.lost == 1
+    np.testing.assert_allclose(capture.weights[:, 0], [0.1, 0.3])
+    path.write_text("time,jawOpen,mouthClose\n0,0.1,0\n0.1,NaN,0\n")
+    with pytest.raises(FacePoserError, match=r"Line 3 .* has 'NaN' in column jawOpen"):
+        read_capture(path)
+
+
+def test_a_whole_shape_is_used_in_place_of_its_halves(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("browInnerUp,browInnerUp_L,browInnerUp_R,jawOpen\n0.5,0.2,0.2,0\n")
+    capture = read_capture(path)
+    assert capture.weights[0, capture.shape_names.index("browInnerUp")] == 0.5
+    assert capture.notes == ("The halves of browInnerUp are not used, since the whole is in column 'browInnerUp'.",)
