@@ -209,7 +209,8 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
 
 def _unread(header: list[str], columns: Mapping[str, list[int]]) -> list[str]:
     read = {column for group in columns.values() for column in group}
-    return [name for column, name in enumerate(header) if name and column not in read and name != _FACE_CAP_KIND]
+    unread = [name for column, name in enumerate(header) if name and column not in read]
+    return [name for name in unread if name != _FACE_CAP_KIND and canonical_shape(name) is None]
 
 
 def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[str], float | None]:
