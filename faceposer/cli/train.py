@@ -30,10 +30,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--capture",
         type=Path,
-        metavar="CSV",
+        metavar="FILE",
         nargs="+",
         default=[],
-        help="performances from which the prior of a rig is learned",
+        help="performances (.csv, .txt, .json, .glb) from which the prior of a rig is learned",
     )
     parser.add_argument("--neutral", type=Path, metavar="MESH", help="neutral mesh (default: found by its name)")
     parser.add_argument(

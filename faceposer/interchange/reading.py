@@ -43,10 +43,12 @@ class ReadPose:
     Attributes:
         coefficients: The pose, shape (r,).
         note: Remark on the quality of the fit, for the user.
+        frames: Number of frames in the file.
     """
 
     coefficients: Array
     note: str
+    frames: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,7 @@ def read_pose(path: Path, model: FaceModel, frame: int = 0) -> ReadPose:
         frames = "a single frame" if count == 1 else f"the frames 1 to {count}"
         raise FacePoserError(f"'{path}' has {frames}, but no frame {frame + 1}.")
     position = f"Frame {frame + 1} of {count}. " if count > 1 else ""
-    return ReadPose(read.performance.coefficients[frame], (position + read.note).strip())
+    return ReadPose(read.performance.coefficients[frame], (position + read.note).strip(), count)
 
 
 def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:

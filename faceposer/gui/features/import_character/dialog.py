@@ -212,12 +212,14 @@ class ImportDialog:
         if form.captures:
             row_label("", width=_LABEL)
         if imgui.button("Add..."):
+            from faceposer.training.recordings import WEIGHTS
+
             importing.context.ask_for_file(
                 FileRequest(
                     "open",
                     "Add performance",
                     "Performances",
-                    (".csv", ".txt"),
+                    WEIGHTS,
                     _start_folder(importing, form.source),
                     add,
                 )
