@@ -26,7 +26,7 @@ from faceposer.solve.constraints import codec
 
 FORMAT = "faceposer.trajectories"
 VERSION = 1
-SUFFIXES = (".csv", ".json", ".c3d")
+SUFFIXES = (".csv", ".json", ".c3d", ".trc")
 # Relative rounding of the rates in C3D files.
 _ROUNDED = 4e-4
 
@@ -107,7 +107,7 @@ def read_trajectories(
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FacePoserError(
-            f"Trajectories cannot be read from '{path}'; give a file with the suffix .csv, .json or .c3d."
+            f"Trajectories cannot be read from '{path}'; give a file with the suffix .csv, .json, .c3d or .trc."
         )
     if suffix == ".json":
         if marker_map is not None:

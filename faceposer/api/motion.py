@@ -93,7 +93,7 @@ class MotionMixin:
         """Solve for the motion in which points of the face follow ``trajectories`` (docs/animation.md).
 
         Args:
-            trajectories: Trajectories, or their file (.csv, .json, .c3d), from which jumps are removed.
+            trajectories: Trajectories, or their file (.csv, .json, .c3d, .trc), from which jumps are removed.
             camera: Camera of a table of pixels.
             smoothness: Weight of changes of velocity.
             spread: Extent of the face that follows, 0 to 1; by default the whole face, which suits recordings.

@@ -25,7 +25,9 @@ def add_parser(commands: Any) -> None:
         "--rig", type=Path, metavar="FILE|DIR", help="glTF file (.glb, .gltf, .vrm) or folder with ARKit shapes"
     )
     source.add_argument("--examples", type=Path, metavar="DIR|NPZ", help="example meshes of the same topology")
-    source.add_argument("--markers", type=Path, metavar="C3D|CSV", help="motion of markers on a performer's face")
+    source.add_argument(
+        "--markers", type=Path, metavar="FILE", help="motion of markers on a performer's face (.c3d, .csv, .trc)"
+    )
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.npz", required=True, help="character to write")
     parser.add_argument(
         "--capture",

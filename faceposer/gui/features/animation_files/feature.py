@@ -16,7 +16,7 @@ from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 
 _MENU = "Animate"
-_TRAJECTORIES = (".csv", ".json", ".c3d")
+_TRAJECTORIES = (".csv", ".json", ".c3d", ".trc")
 _WEIGHTS = (".csv", ".txt", ".json", ".glb", ".gltf")
 # Tolerances of any rig weight, for key reduction.
 _TOLERANCES = ((0.01, "Hardly any difference"), (0.02, "Small differences"), (0.05, "Visible differences"))
@@ -63,8 +63,8 @@ class AnimationFilesFeature(Feature):
                 _MENU,
                 partial(self._ask, "Open trajectories", "Trajectories", _TRAJECTORIES, self.open_trajectories),
                 enabled=idle,
-                help="Animate the face to follow recorded points (CSV, JSON, C3D). Points of an image without a camera "
-                "are those of the current view",
+                help="Animate the face to follow recorded points (CSV, JSON, C3D, TRC). Points of an image without a "
+                "camera are those of the current view",
             ),
         ]
 
