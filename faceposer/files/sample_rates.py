@@ -59,9 +59,9 @@ def sequence_of(times: Array, usual: float) -> Sequence:
         return Sequence(measured, order, "frames", measured)
     if measured < SLOWEST_TAKE:
         return _keys(since, measured)
-    found = _even(since, order, measured)
-    if found is None and len(times) >= _FEW:
-        found = _on_known_rate(since) or _without_gaps(since)
+    found, exact = _even(since, order, measured)
+    if not exact and len(times) >= _FEW:
+        found = _on_known_rate(since) or found or _without_gaps(since)
     if found is not None:
         return found
     if measured < _SLOWEST_CAMERA:
@@ -111,8 +111,8 @@ def _keys(since: Array, measured: float) -> Sequence:
     return Sequence(rate, whole if on_frames else places, "keys", measured)
 
 
-def _even(since: Array, order: Array, measured: float) -> Sequence | None:
-    """Return frames in this ``order`` if the samples are even."""
+def _even(since: Array, order: Array, measured: float) -> tuple[Sequence | None, bool]:
+    """Return frames in this ``order`` if the samples are even, and True if all are near their frames."""
     tolerated = _tolerance(since, measured)
     off = _off(since * measured - order)
     if off > tolerated and len(since) > 2:
@@ -123,13 +123,9 @@ def _even(since: Array, order: Array, measured: float) -> Sequence | None:
     apart = np.diff(since) * measured
     uneven = np.percentile(np.abs(apart - np.rint(apart)), 95.0)
     if off > tolerated and uneven > _NEARLY_EVEN:
-        return None
+        return None, False
     tolerance = max(_CLOCK, min(2.0 * off / max(float(order[-1]), 1.0), _ROUNDED))
-    rate = nearest_known(measured, tolerance)
-    if off > tolerated and rate not in KNOWN_RATES:
-        # The steps were rounded, not the times.
-        rate = nearest_known(measured, _ROUNDED)
-    return Sequence(rate, order, "frames", measured)
+    return Sequence(nearest_known(measured, tolerance), order, "frames", measured), off <= tolerated
 
 
 def _on_known_rate(since: Array) -> Sequence | None:

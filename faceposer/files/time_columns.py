@@ -294,8 +294,12 @@ def _of_timecodes(found: Sequence[re.Match[str] | None]) -> ColumnTimes:
 def _counts_are_even(whole: Array, frames: Array) -> bool:
     """Return True if whole ``frames`` follow each other more evenly than with their parts, which are of no moment."""
     fine, coarse = np.diff(whole + frames), np.diff(whole + np.floor(frames))
-    uneven = len(coarse) > 1 and bool((coarse > 0.0).all()) and float(np.std(fine)) > _UNEVEN * float(np.median(coarse))
-    return uneven and float(np.std(coarse)) < 0.5 * float(np.std(fine))
+    if len(coarse) < 2 or (coarse <= 0.0).any():
+        return False
+    usual = float(np.median(coarse))
+    # Gaps count no more than other steps.
+    spread_fine, spread = (float(np.minimum(np.abs(steps - usual), usual).mean()) for steps in (fine, coarse))
+    return spread_fine > _UNEVEN * usual and spread < 0.5 * spread_fine
 
 
 def _base(seconds: Array, frames: Array) -> tuple[int, bool]:

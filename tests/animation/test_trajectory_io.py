@@ -245,7 +245,7 @@ def test_wrong_json_is_refused_with_its_file_and_place(
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("a.txt", "", "with the suffix .csv, .json or .c3d"),
+        ("a.txt", "", "with the suffix .csv, .json, .c3d or .trc"),
         ("a.json", "{", "not valid JSON at line 1"),
         ("a.json", "[" * 100_000, "not valid JSON"),
         ("a.csv", "frame,8.3.x\n0,1\n", "has no column 8.3.y"),

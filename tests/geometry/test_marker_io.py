@@ -181,7 +181,7 @@ def test_bad_tables_are_refused_by_place(tmp_path: Path) -> None:
     for name, what in (
         ("gone.csv", "cannot be read"),
         ("binary.csv", "cannot be read"),
-        ("a.txt", ".c3d or .csv file"),
+        ("a.txt", ".csv or .trc file"),
     ):
         with pytest.raises(FacePoserError, match=what):
             read_markers(tmp_path / name)
@@ -261,7 +261,7 @@ def test_c3d_counts_that_differ_are_said(tmp_path: Path) -> None:
     path = write_c3d(tmp_path / "a.c3d", moving(67, 40), tuple(f"M{i}" for i in range(40)))
     motion = read_markers(without_trial(path, 1, 67, 60))
     assert len(motion.positions) == 67
-    assert motion.notes == ("Its header and parameters state 60 and 67 frames; 67 were read.",)
+    assert motion.notes == ("Its header and its parameters state 67 and 60 frames; 67 were read.",)
     assert read_markers(path, 50.0).rate == 50.0
 
 
