@@ -80,7 +80,8 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
         return frames_in_order(count, rate, "Its times do not rise")
     times, spread = _apart(times)
     steps = np.diff(times)
-    usual = float(np.median(steps[steps > 0.0]))
+    # Of two steps, the shorter one is rather a frame than their mean.
+    usual = float(np.percentile(steps[steps > 0.0], 50.0, method="lower"))
     kept = np.flatnonzero(np.concatenate([steps > 0.0, [True]]))
     notes += (*spread, *_repeated_notes(count - len(kept)))
     seconds_long = times[-1] - times[0]

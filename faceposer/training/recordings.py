@@ -1,8 +1,10 @@
 """Performances of all file formats: text tables, JSON, and the morph targets of glTF."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.character import ARKIT_SHAPES
@@ -13,6 +15,8 @@ from faceposer.training.gltf_weights import read_gltf_weights
 from faceposer.training.named_weights import NamedWeights
 from faceposer.training.takes import read_take
 from faceposer.training.weights_file import read_weights
+
+Array = NDArray[np.float64]
 
 GLTF = (".glb", ".gltf")
 #: Suffixes of files of performances.
@@ -50,13 +54,21 @@ def read_recording(path: Path) -> Capture:
     named = read_named(path)
     match = match_with_ties(named.names)
     shapes = match.shapes | {name: shape for shape, names in match.ties.items() for name in names}
-    columns: dict[str, list[int]] = {}
-    for column, name in enumerate(named.names):
-        if name in shapes:
-            columns.setdefault(whole_shape_of(shapes[name]), []).append(column)
-    if not columns:
+    found = {shape: _weights(named, shapes, shape) for shape in ARKIT_SHAPES}
+    used = [shape for shape, weights in found.items() if weights is not None]
+    if not used:
         raise FacePoserError(f"'{path}' has no weights of ARKit's shapes; use a performance with their names.")
-    used = [shape for shape in ARKIT_SHAPES if shape in columns]
-    weights = np.stack([named.frames[:, columns[shape]].mean(axis=1) for shape in used], axis=1)
+    weights = np.stack([weights for weights in found.values() if weights is not None], axis=1)
     notes = (*named.notes, *([match.note] if match.note else []))
     return Capture(tuple(used), weights, None, notes)
+
+
+def _weights(named: NamedWeights, shapes: Mapping[str, str], shape: str) -> Array | None:
+    """Return the weights of a whole shape, shape (F,): its own and the mean of its halves, which add up; else None."""
+    total = None
+    for group in ({shape}, {half for half in shapes.values() if half != shape and whole_shape_of(half) == shape}):
+        columns = [column for column, name in enumerate(named.names) if shapes.get(name) in group]
+        if columns:
+            mean = named.frames[:, columns].mean(axis=1)
+            total = mean if total is None else total + mean
+    return total

@@ -308,3 +308,26 @@ def test_frame_numbers_of_programs_keep_gaps(tmp_path: Path) -> None:
     assert motion.rate == 100.0
     assert motion.seen[:, 0].tolist() == [True, True, True, False, False, True]
     assert "2 of its 6 frames are missing" in motion.notes[0]
+
+
+@pytest.mark.parametrize("separator", ["\t", ","])
+def test_trc_files_are_read(separator: str, tmp_path: Path) -> None:
+    lines = [
+        ["PathFileType", "4", "(X/Y/Z)", "a.trc"],
+        ["DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate"],
+        ["120.00", "120.00", "3", "2", "mm", "120.00"],
+        ["Frame#", "Time", "Anna:Chin", "", "", "Anna:Nose", "", ""],
+        ["", "", "X1", "Y1", "Z1", "X2", "Y2", "Z2"],
+        [""],
+        ["1", "0.00000", "1", "2", "3", "4", "5", "6"],
+        ["2", "0.00833", "1", "2", "3.5", "", "", ""],
+        ["4", "0.02500", "1", "2", "4", "4", "5", "6"],
+    ]
+    (tmp_path / "a.trc").write_text("\n".join(separator.join(line) for line in lines) + "\n")
+    motion = read_markers(tmp_path / "a.trc")
+    assert motion.names == ("Chin", "Nose")
+    assert (motion.rate, motion.unit_scale) == (120.0, 0.1)
+    np.testing.assert_array_equal(motion.positions[[0, 1, 3], 0, 2], [3.0, 3.5, 4.0])
+    assert np.isnan(motion.positions[1, 1]).all()
+    assert np.isnan(motion.positions[2]).all()
+    assert motion.notes[-1].startswith("1 of its 4 frames is missing")

@@ -14,6 +14,7 @@ from faceposer.gui.features.timeline.editor import TimelineEditor
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.testing.scripted_user import Position, Robot
+from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.weights_json import write_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
@@ -223,6 +224,12 @@ def test_length_and_rate_are_set_in_the_strip(robot: Robot) -> None:
     app = robot.app
     animate(robot)
     robot.click_widget("rate")
+    robot.click_widget("rate:29.97")
+    assert timeline(robot).keyframes.rate == 30000 / 1001
+    robot.key("Ctrl+Z")
+    robot.click_widget("rate")
+    for name in ("23.976", "25", "48", "59.94", "120", "other"):
+        assert f"rate:{name}" in app.widget_rects
     robot.click_widget("rate:24")
     assert timeline(robot).keyframes.rate == 24.0
     left, top, _, bottom = app.widget_rects["length"]
@@ -406,11 +413,19 @@ def test_what_a_file_lacks_is_told_in_the_view(robot: Robot, tmp_path: Path) -> 
     path.write_text("\n".join(["time_ms,jawOpen", *rows]))
     app.features[AnimationFilesFeature].open_animation(path)
     robot.frames(2)
-    if app.dialogs.open:
-        robot.click_widget("choice:1")
-        robot.frames(2)
+    question = app.dialogs.waiting[0]
+    assert isinstance(question, Question)
+    assert "The animation has 50 frames at 25 fps, 2.00 s." in question.text
+    assert "10 of its 50 frames are missing" in question.text
+    robot.click_widget("choice:1")
+    robot.frames(2)
     assert (timeline(robot).keyframes.length, timeline(robot).keyframes.rate) == (50, 25.0)
     assert app.notice.startswith("Opened take.csv: 50 frames at 25 fps. 10 of its 50 frames are missing")
+    app.actions["messages"].run()
+    question = app.dialogs.waiting[0]
+    assert isinstance(question, Question)
+    assert question.details.startswith("Opened take.csv: 50 frames at 25 fps.")
+    robot.key("Esc")
     vertex = int(app.session.model.character.feature_points[CORNER])
     x, y, z = app.session.model.character.vertices[vertex].tolist()
     points = [{"name": CORNER, "positions": [[x, y, z] for _ in range(10)]}]
