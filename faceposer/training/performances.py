@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.model.character_file import load_character
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_weights
@@ -88,7 +88,8 @@ def learn_from_captures(
         captures.append(read_recording(path))
         if len(captures[-1].weights) < _FEWEST_FRAMES:
             raise FacePoserError(
-                f"The capture '{path}' has {len(captures[-1].weights)} frames with a face, too few to learn from; "
+                f"The capture '{path}' has {counted(len(captures[-1].weights), 'frame', 'frames')} with a face, too few to learn "
+                "from; "
                 f"record at least {_FEWEST_FRAMES} frames."
             )
     names = shapes_of(captures)

@@ -77,7 +77,8 @@ def kept_rows(
     same = np.array([False, *(bool(one) and one == two for one, two in itertools.pairwise(cells))]) & kept
     repeats = np.flatnonzero(same)
     equal = [i for i in repeats.tolist() if weights[i] is not None and _same(weights[i], weights[i - 1])]
-    if equal and len(equal) >= _MOST_REPEAT * len(repeats):
+    # Times that are all the same tell nothing.
+    if equal and len(set(cells)) > 1 and len(equal) >= _MOST_REPEAT * len(repeats):
         kept[equal] = False
         does = "1 of its rows repeats" if len(equal) == 1 else f"{len(equal)} of its rows repeat"
         notes.append(f"{does} the row before and {'was' if len(equal) == 1 else 'were'} left out.")

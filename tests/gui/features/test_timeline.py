@@ -412,7 +412,7 @@ def test_what_a_file_lacks_is_told_in_the_view(robot: Robot, tmp_path: Path) -> 
     path = tmp_path / "take.csv"
     path.write_text("\n".join(["time_ms,jawOpen", *rows]))
     app.features[AnimationFilesFeature].open_animation(path)
-    robot.frames(2)
+    robot.frames(6)
     question = app.dialogs.waiting[0]
     assert isinstance(question, Question)
     assert "The animation has 50 frames at 25 fps, 2.00 s." in question.text
