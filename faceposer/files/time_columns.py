@@ -26,7 +26,7 @@ _TIME = re.compile(
     rf"|(?=(?:{_UNIT_WORDS})$)(?!(?:s|min)$))(?:in)?({_UNIT_WORDS})?"
 )
 _STEP = re.compile(rf"(?:dt|delta|deltat|deltatime|timedelta|timestep|framedelta)(?:in)?({_UNIT_WORDS})?")
-_FRAME = re.compile(r"(?:frames?|frameid|frameno|framenr|framenum|framenumber|frameindex|fieldno|index)")
+_FRAME = re.compile(r"(?:frames?|frameid|frameno|framenr|framenum|framenumber|frameindex|frameidx|fieldno|index)")
 _TIMECODE = re.compile(r"(\d{1,2})[:;](\d{1,2})[:;](\d{1,2})([:;])(\d{1,3}(?:[.,]\d*)?)")
 _CLOCK = re.compile(r"(?:(\d{1,2}):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+)?)(?:\s*([AaPp])\.?[Mm]\.?)?")
 # HH:MM:SS.FF, which may be a clock time in hundredths of a second.

@@ -40,6 +40,8 @@ _FACE_CAP_LINES = ("info", "bs", _FACE_CAP_KIND)
 _FACE_CAP_TIME = "time (ms)"
 # Lines above a header: comments, or facts about the take.
 _LONGEST_PREAMBLE = 12
+# Rows from which the column of times is determined.
+_FIRST_ROWS = 3
 _RATE = re.compile(r"\W*(?:fps|(?:frame|sample)?[ _-]?rate|frames[ _-]?per[ _-]?second)\W*(?:hz)?\W*", re.IGNORECASE)
 _FASTEST = 1000.0
 # Cells of a line in which the face was lost.
@@ -180,6 +182,7 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
     frames: list[NDArray[np.float64] | None] = []
     times: list[str] = []
     faces: list[str] = []
+    first_rows: list[list[str]] = []
     clock: int | None = None
     face = face_column(header)
     for number, cells in rows:
@@ -187,9 +190,13 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
             continue
         if len(frames) == _MOST_ROWS:
             raise FacePoserError(f"'{path}' has more than {_MOST_ROWS:,} frames; split it into shorter takes.")
-        if not frames:
+        if clock is None and len(first_rows) < _FIRST_ROWS:
+            # A row of units may precede the frames.
+            first_rows.append(cells)
             clock = _time_column(header, cells)
             rate = rate or _rate_column(header, cells)
+            if clock is not None:
+                times = [row[clock] if clock < len(row) else "" for row in first_rows[:-1]]
         frames.append(reader.frame(cells, number))
         if clock is not None:
             times.append(cells[clock] if clock < len(cells) else "")

@@ -87,10 +87,10 @@ def learn_from_captures(
         progress.at("Reading the performances", i / len(paths))
         captures.append(read_recording(path))
         if len(captures[-1].weights) < _FEWEST_FRAMES:
+            found = counted(len(captures[-1].weights), "frame", "frames")
             raise FacePoserError(
-                f"The capture '{path}' has {counted(len(captures[-1].weights), 'frame', 'frames')} with a face, too few to learn "
-                "from; "
-                f"record at least {_FEWEST_FRAMES} frames."
+                f"The capture '{path}' has {found} with a face, too few to learn from; record at least "
+                f"{_FEWEST_FRAMES} frames."
             )
     names = shapes_of(captures)
     recipe = Recipe()

@@ -27,6 +27,7 @@ _OTHERS = re.compile(
     r"|(head|lefteye|righteye|eye|pose|gaze|rotation|position|translation|r|t)?(yaw|pitch|roll|[xyzw])"
     r"|(fps|rate|framerate)(hz)?|date|day|)"
 )
+_TURN = re.compile(r"(head|eye|gaze)(left|right)?(yaw|pitch|roll|rotation|position)")
 _LONGEST_NAME, _MOST_GUESSED, _LIKE = 40, 200, 0.8
 
 
@@ -133,6 +134,7 @@ def _is_other(name: str) -> bool:
         is_time(name)
         or is_frame_number(name)
         or _OTHERS.fullmatch(letters) is not None
+        or _TURN.search(letters) is not None
         or _FACE.fullmatch(letters) is not None
     )
 

@@ -27,6 +27,7 @@ ROWS = [f"{i / 25:.3f},{i / 50:.3f},0.1" for i in range(50)]
         ([*ROWS, "end of take,,"], "Its last row has 'end of take' in place of a time; it was left out."),
         ([*ROWS, "# end of take"], ""),
         ([*ROWS[:20], "// cut,,", *ROWS[20:]], ""),
+        (["s,-,-", *ROWS], ""),
         ([row for row in ROWS for _ in range(2)], "50 of its rows repeat the row before and were left out."),
     ],
 )
