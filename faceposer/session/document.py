@@ -26,7 +26,7 @@ from faceposer.session.character_version import CharacterVersion, CharacterVersi
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
-from faceposer.solve.constraints.stroke import StrokeConstraint
+from faceposer.solve.constraints.stroke import MOST_PICKED, StrokeConstraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import SPREAD
 
@@ -37,6 +37,8 @@ _MAX_PRIOR_WEIGHT = 1000.0
 _MAX_CONSTRAINTS, _MAX_DRAWN = 2_000, 200
 # Maximum effort of all strokes with the energy "image", whose pixels are compared in each step of the solver.
 _MOST_IMAGES = 200_000
+# Maximum number of pixels at which the sources of all strokes are picked.
+_MOST_PICKED_TOGETHER = 400_000
 # A list of numbers over several lines, as the indented output has it.
 _NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
 
@@ -256,10 +258,15 @@ class Document:
                     "coefficients; remove the key to start from the neutral face."
                 )
         start = model.neutral() if self.start is None else self.start
-        constraints = []
+        strokes = sum(isinstance(constraint, StrokeConstraint) for constraint in self.constraints)
+        most = min(MOST_PICKED, _MOST_PICKED_TOGETHER // max(strokes, 1))
+        constraints: list[Constraint] = []
         for i, constraint in enumerate(self.constraints):
             try:
-                constraints.append(constraint.resolved(model, start))
+                if isinstance(constraint, StrokeConstraint):
+                    constraints.append(constraint.resolved(model, start, most))
+                else:
+                    constraints.append(constraint.resolved(model, start))
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
         photos = tuple(photo if photo.camera is not None else _aligned(photo, model, start) for photo in self.photos)
