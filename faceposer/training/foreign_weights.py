@@ -14,8 +14,7 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import frames_at, frames_in_order, frames_numbered, interpolated
 from faceposer.files.time_columns import is_frame_number, is_time, numbers_of, times_of
-from faceposer.model.shape_names import canonical_shape
-from faceposer.training.json_values import VALUE_KEYS, is_number, rate_of
+from faceposer.training.json_values import VALUE_KEYS, is_number, rate_of, shape_of
 from faceposer.training.keyed_curves import Curve, curve_of, sampled, without_affixes
 from faceposer.training.named_weights import NamedWeights
 from faceposer.training.weight_range import in_range
@@ -154,7 +153,7 @@ def _search(data: Any, where: str, names: tuple[str, ...], rate: float | None, d
     else:
         pairs = [(name, element) for element in data if isinstance(element, dict) and (name := _name(element))]
         columns = _columns(list(_named(data)), {})
-    curves = {name: curve for name, value in pairs if _shape(name) and (curve := curve_of(value)) is not None}
+    curves = {name: curve for name, value in pairs if shape_of(name) and (curve := curve_of(value)) is not None}
     if curves:
         return [_Found([], where, rate, curves)]
     frames = columns or (_sequence(data, names) if isinstance(data, list) else None)
@@ -214,7 +213,7 @@ def _turned(found: _Found, names: tuple[str, ...]) -> _Found:
     turned = by_shapes < _SMOOTHER * by_frames and len(found.frames) == len(names)
     if turned:
         rows = [dict(zip(names, column, strict=True)) for column in weights.T.tolist()]
-        found = replace(found, frames=[_Frame({k: v for k, v in row.items() if _shape(k)}, {}) for row in rows])
+        found = replace(found, frames=[_Frame({k: v for k, v in row.items() if shape_of(k)}, {}) for row in rows])
     kind = "shape" if turned else "frame"
     note = f"Its {len(names)} lists of {len(names)} weights may be for frames or for shapes; each was read as a {kind}."
     return replace(found, note=note)
@@ -227,7 +226,7 @@ def _frame(value: Any, names: tuple[str, ...], depth: int) -> _Frame | None:
     if isinstance(value, list):
         if names and len(value) == len(names) and _numbers(value):
             return _by_names(names, value)
-        found = {name: float(number) for name, number in _named(value) if is_number(number) and _shape(name)}
+        found = {name: float(number) for name, number in _named(value) if is_number(number) and shape_of(name)}
         if found:
             return _Frame(found, {})
         if len(value) == 1:
@@ -246,7 +245,7 @@ def _frame(value: Any, names: tuple[str, ...], depth: int) -> _Frame | None:
 
 def _plain(data: dict[Any, Any]) -> _Frame | None:
     """Return the frame of an object with a number for each name."""
-    weights = {key: float(value) for key, value in data.items() if is_number(value) and _shape(key)}
+    weights = {key: float(value) for key, value in data.items() if is_number(value) and shape_of(key)}
     return _Frame(weights, _times(data)) if weights else None
 
 
@@ -264,7 +263,7 @@ def _lost(value: Any) -> _Frame | None:
 
 def _columns(pairs: list[tuple[str, Any]], around: dict[Any, Any]) -> list[_Frame] | None:
     """Return the frames of ``pairs`` of a name and its weights over time; ``around`` may have the times."""
-    columns = {name: value for name, value in pairs if _numbers(value) and _shape(name)}
+    columns = {name: value for name, value in pairs if _numbers(value) and shape_of(name)}
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or lengths == {0}:
         return None
@@ -300,18 +299,18 @@ def _named(data: list[Any]) -> Iterator[tuple[str, Any]]:
 
 def _name(element: dict[Any, Any]) -> str | None:
     """Return the name of a shape among the values of ``element``, or None."""
-    return next((text for text in element.values() if isinstance(text, str) and _shape(text)), None)
+    return next((text for text in element.values() if isinstance(text, str) and shape_of(text)), None)
 
 
 def _names(value: Any) -> tuple[str, ...]:
     """Return the names in a list of texts of which most are ARKit's, else nothing."""
     if not isinstance(value, list) or not value or not all(isinstance(text, str) for text in value):
         return ()
-    return tuple(value) if 2 * sum(_shape(text) is not None for text in value) >= len(value) else ()
+    return tuple(value) if 2 * sum(shape_of(text) is not None for text in value) >= len(value) else ()
 
 
 def _by_names(names: tuple[str, ...], values: Any) -> _Frame | None:
-    weights = {name: float(value) for name, value in zip(names, values, strict=True) if _shape(name)}
+    weights = {name: float(value) for name, value in zip(names, values, strict=True) if shape_of(name)}
     return _Frame(weights, {}) if weights else None
 
 
@@ -326,10 +325,6 @@ def _times(data: dict[Any, Any]) -> dict[str, str]:
 
 def _text(value: Any) -> str:
     return value if isinstance(value, str) else repr(value)
-
-
-def _shape(name: Any) -> str | None:
-    return canonical_shape(name) if isinstance(name, str) else None
 
 
 def _numbers(value: Any) -> bool:

@@ -2,6 +2,7 @@
 
 import codecs
 import json
+from functools import lru_cache
 from typing import Any
 
 from faceposer.errors import FacePoserError, short_name
@@ -15,6 +16,7 @@ _RATE_KEYS = ("rate", "fps", "framerate", "exportfps", "samplerate", "framespers
 _NUMERATORS, _DENOMINATORS = ("num", "numerator"), ("den", "denominator")
 _FASTEST = 1000.0
 _DEEPEST = 12
+_LONGEST_NAME = 128
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -32,7 +34,18 @@ def is_number(value: Any) -> bool:
 
 def is_shape(name: Any) -> bool:
     """Return True for a name of one of ARKit's shapes in any spelling."""
-    return isinstance(name, str) and canonical_shape(name) is not None
+    return shape_of(name) is not None
+
+
+def shape_of(name: Any) -> str | None:
+    """Return the one of ARKit's shapes that ``name`` spells, or None if it is another value."""
+    if not isinstance(name, str):
+        return None
+    return _known_shape(name) if len(name) <= _LONGEST_NAME else canonical_shape(name)
+
+
+# Frames repeat the names of their weights.
+_known_shape = lru_cache(maxsize=4096)(canonical_shape)
 
 
 def as_document(content: bytes) -> bytes:
