@@ -17,6 +17,8 @@ _MANY_EQUAL, _MOST_REPEATED = 0.05, 0.2
 _MOST_FRAMES = 1_000_000
 # Empty frames per sample, beyond which times cannot be right.
 _MOST_EMPTY, _SMALL = 100, 100_000
+# Seconds between samples, below which their rate may not be a number.
+_CLOSEST = 1e-6
 # Frames beyond which numbers of frames and times are not exact.
 _FARTHEST = 1e12
 # Frames between samples of an irregular camera, and between others, beyond which something is missing.
@@ -89,6 +91,8 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
         if rate is not None:
             return frames_in_order(count, rate)
         raise _mostly_empty(where, count, seconds_long)
+    if usual < _CLOSEST:
+        return frames_in_order(count, rate, "Its times are less than a microsecond apart, which is not plausible")
     found = sequence_of(times[kept], usual)
     if found.measured < SLOWEST and seconds_long > _SMALL / USUAL_RATE:
         raise _mostly_empty(where, count, seconds_long)

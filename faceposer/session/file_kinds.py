@@ -1,6 +1,5 @@
 """Kinds of files that are no sessions, for messages that name the command to open them."""
 
-import json
 import re
 from contextlib import suppress
 from pathlib import Path
@@ -53,9 +52,9 @@ def kind_of(path: Path) -> Kind:
 def _kind_of_json(path: Path) -> Kind:
     with suppress(OSError), open_file(path) as stream:
         text = stream.read(_HEAD).decode("utf-8", "ignore")
-        stated = re.search(r'"format"\s*:\s*("[^"\\]{0,80}")', text)
+        stated = re.search(r'"format"\s*:\s*"([^"\\]{0,80})"', text)
         if stated is not None:
-            return _FORMATS.get(json.loads(stated[1]), "")
+            return _FORMATS.get(stated[1], "")
         return "weights" if any(canonical_shape(name) for name in re.findall(r'"([^"\\]{3,64})"', text)) else ""
     return ""
 

@@ -25,6 +25,7 @@ FILES = {
     "other.json": (json.dumps([{"jawOpen": 0.5}]), "weights", "--animation"),
     "points.json": (json.dumps({"format": "faceposer.trajectories"}), "trajectories", "animate CHARACTER"),
     "session.json": (json.dumps({"format": "faceposer.session"}), "", ""),
+    "broken.json": ('{"format": "a\x01"}', "", ""),
     "unknown.xyz": ("", "", ""),
 }
 
@@ -37,7 +38,7 @@ def test_kinds_and_their_commands(name: str, tmp_path: Path) -> None:
     assert command in remedy_for(tmp_path / name)
     with pytest.raises(FacePoserError) as caught:
         open_session(str(tmp_path / name))
-    assert isinstance(caught.value, NoSessionError) == (name != "session.json")
+    assert isinstance(caught.value, NoSessionError) == (name not in ("session.json", "broken.json"))
 
 
 def test_folders_and_missing_files(tmp_path: Path) -> None:
