@@ -30,6 +30,8 @@ _FEW = 10
 _SLOWEST_CAMERA = 10.0
 # Part of a step by which most steps may be off a whole number of steps, or of a known rate.
 _NEARLY_EVEN, _ON_GRID = 0.15, 0.2
+# Part of the usual step below which the mean of single ones is not the step of frames.
+_LEAST_STEP = 0.1
 # Usual steps beyond which a step is a gap in uneven samples.
 _GAP = 5.0
 
@@ -167,7 +169,11 @@ def _counted(times: Array, usual: float) -> tuple[Array, float]:
         counts = np.maximum(np.rint(steps / usual), 1.0)
         # Of steps without gaps: a gap need not be a whole number of frames.
         single = counts == 1.0
-        usual = float(steps[single].mean()) if single.any() else float((steps / counts).mean())
+        refined = float(steps[single].mean()) if single.any() else float((steps / counts).mean())
+        if refined < _LEAST_STEP * usual:
+            # Samples at almost the same time are no frames.
+            break
+        usual = refined
     rate = 1.0 / usual
     order = np.arange(float(len(times)))
     for after in (np.flatnonzero(np.maximum(np.rint(steps * rate), 1.0) > 1.0) + 1).tolist():

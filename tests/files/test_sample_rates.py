@@ -126,6 +126,11 @@ def test_more_spellings_of_times(heading: str, cells: list[str], rate: float) ->
     assert (frames.rate, frames.length) == (rate, len(cells))
 
 
+def test_samples_at_almost_the_same_time_give_no_rate() -> None:
+    frames = frames_at(np.array([0.0, 1e-310, 2e-310, 1.0, 2.0, 3.0]), "a.csv")
+    assert 0.1 <= frames.rate <= 1000.0
+
+
 def test_times_that_fall_are_sorted() -> None:
     frames = frames_at(np.arange(50)[::-1] / 25.0, "a.csv")
     assert (frames.rate, frames.length) == (25.0, 50)
