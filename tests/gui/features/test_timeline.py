@@ -10,6 +10,7 @@ import pytest
 
 from faceposer.animation.keyframes import Keyframes
 from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
+from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.timeline.editor import TimelineEditor
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
@@ -470,3 +471,17 @@ def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, mon
     assert not app.is_modal
     assert not app.dialogs.open
     assert frames(robot) == (0, 14, 29)
+
+
+def test_files_of_other_kinds_name_their_command(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    (tmp_path / "take.csv").write_text("time,jawOpen\n0,0.5\n0.04,0.6\n")
+    (tmp_path / "a.glb").write_text("")
+    for name, said in (("take.csv", "Animate > Open animation"), ("a.glb", "File > Import character")):
+        app.files.open(str(tmp_path / name))
+        question = app.dialogs.waiting[0]
+        assert isinstance(question, Question)
+        assert said in question.text
+        app.dialogs.waiting.clear()
+    app.features[ExportFeature].open_pose(tmp_path / "take.csv")
+    assert app.notice.endswith("Animate > Open animation reads all frames.")
