@@ -31,6 +31,18 @@ class MissingCharacterError(FacePoserError):
         self.character = character
 
 
+class NoSessionError(FacePoserError):
+    """A file that was given in place of a session is of another kind.
+
+    Attributes:
+        path: Path of the file.
+    """
+
+    def __init__(self, message: str, path: str) -> None:
+        super().__init__(message)
+        self.path = path
+
+
 class FacePoserWarning(UserWarning):
     """A remark for users of the Python interface about changes or possibly unintended results."""
 

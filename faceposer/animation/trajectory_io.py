@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from faceposer.animation.trajectories import Trajectories
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json, shown
-from faceposer.files.sample_times import USUAL_RATE, assumed_rate, nearest_known
+from faceposer.files.sample_rates import USUAL_RATE, nearest_known
+from faceposer.files.sample_times import assumed_rate
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.marker_csv import MAX_MARKERS, MarkerTable, parse_marker_csv
 from faceposer.geometry.marker_io import MarkerMotion, read_markers
@@ -26,7 +27,7 @@ from faceposer.solve.constraints import codec
 
 FORMAT = "faceposer.trajectories"
 VERSION = 1
-SUFFIXES = (".csv", ".json", ".c3d")
+SUFFIXES = (".csv", ".json", ".c3d", ".trc")
 # Relative rounding of the rates in C3D files.
 _ROUNDED = 4e-4
 
@@ -101,7 +102,7 @@ def read_trajectories(
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FacePoserError(
-            f"Trajectories cannot be read from '{path}'; give a file with the suffix .csv, .json or .c3d."
+            f"Trajectories cannot be read from '{path}'; give a file with the suffix .csv, .json, .c3d or .trc."
         )
     if suffix == ".json":
         if marker_map is not None:

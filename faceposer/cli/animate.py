@@ -21,7 +21,9 @@ def add_parser(commands: Any) -> None:
         "space, smoothly and naturally (docs/animation.md), and write the animation.",
     )
     parser.add_argument("character", metavar="CHARACTER", help="name of a character, or character file (.npz)")
-    parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="trajectories (.csv, .json or .c3d)")
+    parser.add_argument(
+        "trajectories", type=Path, metavar="TRAJECTORIES", help="trajectories (.csv, .json, .c3d or .trc)"
+    )
     parser.add_argument(
         "-o",
         "--output",

@@ -20,6 +20,21 @@ def number_between(text: str, least: float, most: float) -> float:
     return value
 
 
+def frame_rate(text: str) -> float:
+    """Parse ``text`` as frames per second: a number from 0.001 to 1000, or a fraction such as 30000/1001.
+
+    Raises:
+        ArgumentTypeError: If ``text`` is neither.
+    """
+    match = re.fullmatch(r"\s*(\d{1,7}(?:\.\d+)?)\s*/\s*(\d{1,7}(?:\.\d+)?)\s*", text)
+    if match is not None and float(match[2]) > 0.0 and 1e-3 <= float(match[1]) / float(match[2]) <= 1e3:
+        return float(match[1]) / float(match[2])
+    try:
+        return number_between(text, 1e-3, 1e3)
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(f"{error} or a fraction such as 30000/1001") from None
+
+
 def add_spread(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--spread`` to ``parser``; its value is None unless given, and the help names ``default``."""
     parser.add_argument(
@@ -34,7 +49,7 @@ def add_rate_option(parser: argparse.ArgumentParser, subject: str) -> None:
     """Add ``--rate`` to ``parser``, the frame rate of ``subject`` in place of that of its file."""
     parser.add_argument(
         "--rate",
-        type=lambda text: number_between(text, 1e-3, 1e3),
+        type=frame_rate,
         metavar="FPS",
         help=f"frame rate of {subject}, in place of the one that the file states or its times give",
     )

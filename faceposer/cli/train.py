@@ -25,15 +25,17 @@ def add_parser(commands: Any) -> None:
         "--rig", type=Path, metavar="FILE|DIR", help="glTF file (.glb, .gltf, .vrm) or folder with ARKit shapes"
     )
     source.add_argument("--examples", type=Path, metavar="DIR|NPZ", help="example meshes of the same topology")
-    source.add_argument("--markers", type=Path, metavar="C3D|CSV", help="motion of markers on a performer's face")
+    source.add_argument(
+        "--markers", type=Path, metavar="FILE", help="motion of markers on a performer's face (.c3d, .csv, .trc)"
+    )
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.npz", required=True, help="character to write")
     parser.add_argument(
         "--capture",
         type=Path,
-        metavar="CSV",
+        metavar="FILE",
         nargs="+",
         default=[],
-        help="performances from which the prior of a rig is learned",
+        help="performances (.csv, .txt, .json, .glb) from which the prior of a rig is learned",
     )
     parser.add_argument("--neutral", type=Path, metavar="MESH", help="neutral mesh (default: found by its name)")
     parser.add_argument(

@@ -155,9 +155,10 @@ class _Source:
 
 def _source(options: argparse.Namespace) -> _Source:
     from faceposer.cli.opening import open_with_remark, print_notes
-    from faceposer.interchange.reading import MESHES, WEIGHTS, read_performance, read_pose
+    from faceposer.interchange.reading import MESHES, read_performance, read_pose
     from faceposer.model.performance import Performance
     from faceposer.session.opening import load_model
+    from faceposer.training.recordings import WEIGHTS
 
     path: Path = options.source
     suffix = path.suffix.lower()
@@ -195,7 +196,7 @@ def _source(options: argparse.Namespace) -> _Source:
 def _holds_weights(path: Path) -> bool:
     """Return True if ``path`` has weights, of the program or another tool; all else is left to the session reader."""
     from faceposer.files.reading import open_text
-    from faceposer.interchange.weights_json import FORMAT
+    from faceposer.training.weights_file import FORMAT
 
     try:
         with open_text(path, "utf-8-sig") as file:

@@ -1,5 +1,6 @@
-"""CSV tables of marker motion: plain tables with a header, and exports of Vicon Nexus and OptiTrack Motive."""
+"""Text tables of marker motion: plain tables with a header, exports of Vicon Nexus and OptiTrack Motive, and TRC."""
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -99,7 +100,9 @@ def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int
     lower = [cell.lower() for cell in cells]
     if lower[:1] == ["frame"] and lower.count("x") > 0:
         return _motive(cells, preamble, path) if _row(preamble, "name") else _vicon(cells, preamble, path)
-    if not lower or lower[0] in ("", "format version"):
+    if preamble and preamble[-1][0].lower() == "frame#":
+        return _trc(cells, preamble, path)
+    if not lower or lower[0] in ("", "format version", "pathfiletype"):
         return None
     columns: dict[str, list[int]] = {}
     for column, cell in enumerate(cells):
@@ -151,6 +154,21 @@ def _motive(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
     rate = decimal_number(facts.get("Export Frame Rate", "")) or decimal_number(facts.get("Capture Frame Rate", ""))
     unit = facts.get("Length Units", "")
     return _Layout(_triples(cells, names, path), len(cells), cells, rate, unit, _clock(cells))
+
+
+def _trc(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
+    """Return the layout of TRC files: lines for the file, facts and their values, names above x columns, and axes."""
+    names = preamble[-1]
+    facts: dict[str, str] = {}
+    for keys, values in itertools.pairwise(preamble):
+        if "DataRate" in keys:
+            facts = dict(zip(keys, values, strict=False))
+    axes = [re.sub(r"\d+$", "", cell) for cell in cells]
+    columns = _triples(axes, ["", "", *names[2:]], path)
+    clock = (1 if [cell.lower() for cell in names[1:2]] == ["time"] else None, 0)
+    header = ["Frame", "Time (s)", *cells[2:]]
+    rate = decimal_number(facts.get("DataRate", ""))
+    return _Layout(columns, len(cells), header, rate, facts.get("Units", ""), clock, sections=False)
 
 
 def _row(preamble: list[list[str]], kind: str) -> list[str]:
@@ -229,7 +247,8 @@ def _later(cell: str, last: float, path: Path, number: int) -> float:
     time = decimal_number(cell)
     if time is not None and time < last:
         raise FacePoserError(
-            f"Line {number} of '{path}' has the time {time:g} after {last:g}; times must not decrease."
+            f"Line {number} of '{path}' has the time {time:g} after {last:g}; times must not go back: split "
+            "the file there, or correct its times."
         )
     return last if time is None else time
 

@@ -83,7 +83,7 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
         if "markers" in summary:
             marked = summary["markers"]
             lines.append(
-                f"{marked['frames']} frames of markers, {marked['frames_left_out']} skipped, "
+                f"{marked['frames']} frames of markers, {marked['frames_left_out']} left out, "
                 f"{marked['gaps_filled']} gaps filled"
             )
     else:

@@ -47,13 +47,13 @@ _KIND_LABELS = ("Rig", "Examples", "Markers")
 _KIND_TIPS = (
     "A glTF file (.glb, .gltf, .vrm) or a folder with one mesh per ARKit shape",
     "A folder or an .npz file of meshes with the same topology, one of them neutral",
-    "The motion of markers on a performer's face (.c3d, .csv), and a map of their places on a scan",
+    "The motion of markers on a performer's face (.c3d, .csv, .trc), and a map of their places on a scan",
 )
 _KIND_DESCRIPTIONS = (
     "A face with ARKit shapes: .glb, .gltf, .vrm, or a folder with one mesh per shape. Mesh and names are kept.",
     "Meshes of one face in different expressions: a folder or an .npz file. The modes of the character are learned "
     "from their differences.",
-    "Motion of markers on a face: .c3d or .csv. The markers deform a scan, from which the character is learned.",
+    "Motion of markers on a face: .c3d, .csv or .trc. The markers deform a scan, from which the character is learned.",
 )
 _REGIONS = ("face", "whole", "parts")
 _REGION_LABELS = ("Parts of the face", "Whole face", "By motion")
@@ -72,7 +72,7 @@ _MESHES = ("Meshes", MESH_SUFFIXES)
 _SOURCES = {
     "rig": ("Rigs", (".glb", ".gltf", ".vrm")),
     "examples": ("Arrays of meshes", (".npz",)),
-    "markers": ("Motion of markers", (".c3d", ".csv")),
+    "markers": ("Motion of markers", (".c3d", ".csv", ".trc")),
 }
 
 
@@ -212,12 +212,14 @@ class ImportDialog:
         if form.captures:
             row_label("", width=_LABEL)
         if imgui.button("Add..."):
+            from faceposer.training.recordings import WEIGHTS
+
             importing.context.ask_for_file(
                 FileRequest(
                     "open",
                     "Add performance",
                     "Performances",
-                    (".csv", ".txt"),
+                    WEIGHTS,
                     _start_folder(importing, form.source),
                     add,
                 )

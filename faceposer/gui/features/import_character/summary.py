@@ -100,7 +100,7 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
         if "markers" in summary:
             marked = summary["markers"]
             text = (
-                f"{marked['frames']} frames, {marked['frames_left_out']} ignored, {marked['gaps_filled']} gaps filled"
+                f"{marked['frames']} frames, {marked['frames_left_out']} left out, {marked['gaps_filled']} gaps filled"
             )
             rows.append(("Markers", text))
         rows.append(("Neutral", shown_path(summary["neutral"])))
