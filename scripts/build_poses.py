@@ -26,7 +26,7 @@ from faceposer.api import characters, load
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.poses.portrait import portrait_view
-from faceposer.poses.pose_file import Pose, pose_text, read_pose
+from faceposer.poses.pose_file import Pose, read_pose, write_pose
 from faceposer.solve.weight_fit import fit_weights
 from scripts.asset_building.builder import Builder
 from scripts.asset_building.creature import build_creature
@@ -124,8 +124,7 @@ def main() -> int:
             n_different += bool(found)
             print(f"{path}: {found or 'as built'}")
         else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(pose_text(pose), encoding="utf-8", newline="\n")
+            write_pose(path, pose)
     if not options.check:
         print(f"{options.output}: {len(poses)} poses")
     return int(n_different > 0)

@@ -13,7 +13,6 @@ from faceposer.model.feature_curves import FEATURES
 from faceposer.session.session import Session
 from faceposer.session.sketch_strokes import add_stroke
 from faceposer.sketch.recognition import DrawnStroke, Recognition
-from faceposer.sketch.sketcher import DEFAULT_RECOGNITION, RECOGNISERS
 from faceposer.solve.constraints.base import LARGEST_WEIGHT
 from faceposer.solve.constraints.codec import LARGEST_PIXEL
 from faceposer.solve.constraints.sketch import MOST_STROKE_POINTS, SKETCH_METHODS, SketchMethod
@@ -60,6 +59,9 @@ class SketchingMixin:
         Raises:
             FacePoserError: If the stroke depicts no feature.
         """
+        # Imported late: it loads all that recognises.
+        from faceposer.sketch.sketcher import RECOGNISERS
+
         character = self.model.character
         checks.number(weight, 0.0, LARGEST_WEIGHT, "The weight of a constraint")
         pixels = pixels_of(stroke)
@@ -74,9 +76,10 @@ class SketchingMixin:
                 raise FacePoserError(
                     f"'{character.title}' has no {feature}: it lacks the feature points {', '.join(missing)}."
                 )
-        method = checks.one_of(recognition or DEFAULT_RECOGNITION, tuple(RECOGNISERS), "A method of recognition")
+        if recognition is not None:
+            checks.one_of(recognition, tuple(RECOGNISERS), "A method of recognition")
         drawn = DrawnStroke(np.array(pixels), self._checked_camera(camera), feature)
-        found, sketch = add_stroke(self.session, drawn, method, weight)
+        found, sketch = add_stroke(self.session, drawn, recognition, weight)
         if sketch is None and feature is not None:
             raise FacePoserError(f"The stroke cannot be a {feature}: it does not match its feature points.")
         if sketch is None:

@@ -53,7 +53,6 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.cli.opening import open_with_remark
     from faceposer.session.report import sketch_report
     from faceposer.session.sketch_strokes import add_strokes
-    from faceposer.sketch.sketcher import DEFAULT_RECOGNITION
     from faceposer.sketch.strokes_file import read_strokes
     from faceposer.solve.camera_io import read_camera
 
@@ -69,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     line = ProgressLine()
     began = time.perf_counter()
     try:
-        recognised = add_strokes(session, strokes, options.recognition or DEFAULT_RECOGNITION, line.progress)
+        recognised = add_strokes(session, strokes, options.recognition, line.progress)
     finally:
         line.clear()
     seconds = time.perf_counter() - began

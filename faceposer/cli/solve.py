@@ -1,13 +1,12 @@
 """``faceposer solve``: solves the pose of a session file without a window."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_not_input, check_output, write_text
+from faceposer.files.atomic import check_not_input, check_output
 
 NAME = "solve"
 # Longest time for a solve, in seconds.
@@ -35,6 +34,7 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from faceposer.cli.opening import print_remark
+    from faceposer.files.writing import write_json
     from faceposer.interchange.meshes import write_posed_obj
     from faceposer.session.document import read_document
     from faceposer.session.opening import session_for
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     write_posed_obj(options.output, session.model, session.coefficients, contact, options.materials)
     if options.report is not None:
         report = solve_report(session.model, session.document, solution)
-        write_text(options.report, json.dumps(report, indent=1) + "\n", "report")
+        write_json(options.report, report, "report")
     constraints = session.document.constraints
     for i, (constraint, residual) in enumerate(zip(constraints, solution.residuals_px, strict=True)):
         print(f"constraint {i} ({constraint.kind}): {residual:.2f} px off")

@@ -36,6 +36,20 @@ def add_parser(commands: Any) -> None:
         help="performances from which the prior of a rig is learned",
     )
     parser.add_argument("--neutral", type=Path, metavar="MESH", help="neutral mesh (default: found by its name)")
+    parser.add_argument(
+        "--align-shapes",
+        choices=("auto", "off"),
+        default="auto",
+        help="lay shapes of a rig that are moved, scaled, turned or mirrored on the neutral face, and correct the unit "
+        "of displacements; off: read them as they are stored (default: auto)",
+    )
+    parser.add_argument(
+        "--weights-range",
+        type=float,
+        choices=(1.0, 100.0),
+        metavar="1|100",
+        help="full weight of the expressions of a VRM avatar (default: by its version and largest weight)",
+    )
     parser.add_argument("--marker-map", type=Path, metavar="JSON", help="place of each marker on the scan")
     parser.add_argument(
         "--scan", metavar="MESH|CHARACTER", default="man", help="face that the markers move (default: man)"
@@ -109,6 +123,8 @@ def run(options: argparse.Namespace) -> int:
         n_factors=options.factors,
         scheduler=options.scheduler,
         credits=options.credits,
+        align_shapes=options.align_shapes == "auto",
+        weights_range=options.weights_range,
     )
     line = ProgressLine()
     try:

@@ -11,6 +11,7 @@ from faceposer.cli.arguments import add_contact_option, add_materials_option, ad
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_not_input
+from faceposer.files.paths import folder_of
 
 if TYPE_CHECKING:
     from faceposer.model.face_model import FaceModel
@@ -211,7 +212,7 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
 
     assert source.document is not None
     pose = source.still.coefficients[0]
-    character = portable_character(options.target, options.output.parent)
+    character = portable_character(options.target, folder_of(options.output))
     document = transferred(source.document, pose, transfer, character, target)
     document = replace(document, contact=document.contact and options.contact)
     write_document(options.output, document.with_version_data(target))
@@ -238,7 +239,7 @@ def _write(
     if len(performance) > 1:
         write(path, model, performance, output_options, line.progress)
     elif path.suffix.lower() == ".json":
-        document = Document(portable_character(character, path.parent), contact=options.contact)
+        document = Document(portable_character(character, folder_of(path)), contact=options.contact)
         write_document(path, document.with_start(pose).posed(pose).with_version_data(model))
     else:
         write(path, model, pose, output_options)

@@ -3,7 +3,6 @@
 Each has a separate study, in a folder with the performer's name; the parent folder has the files over all.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from faceposer.evaluation.study import FORMAT, RESULTS, TABLE, TABLES, VERSION, 
 from faceposer.evaluation.tables import error_tables, share_tables, time_table
 from faceposer.evaluation.takes import Source, Sparse
 from faceposer.files.atomic import write_text
+from faceposer.files.writing import write_json
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.expressions import Recipe
@@ -171,7 +171,7 @@ class PerformersStudy:
             "left_out": skipped,
             "rows": result.rows,
         }
-        write_text(self.folder / RESULTS, json.dumps(about, indent=1, ensure_ascii=False) + "\n", "result")
+        write_json(self.folder / RESULTS, about, "result", ascii_only=False)
         write_text(self.folder / TABLE, csv_of(result.rows), "table")
         head = f"# {character.name}\n\n    {self.command}\n\n"
         write_text(self.folder / TABLES, head + result.tables(), "table")

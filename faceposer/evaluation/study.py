@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import json
 import os
 import platform
 import re
@@ -23,6 +22,7 @@ from faceposer.evaluation.tables import error_tables, other_tables, time_table
 from faceposer.evaluation.takes import Source
 from faceposer.evaluation.trial_log import Scores, TrialLog
 from faceposer.files.atomic import write_text
+from faceposer.files.writing import write_json
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 
@@ -107,7 +107,7 @@ class Study:
             "left_out": skipped,
             "rows": rows,
         }
-        write_text(self.folder / RESULTS, json.dumps(about, indent=1, ensure_ascii=False) + "\n", "result")
+        write_json(self.folder / RESULTS, about, "result", ascii_only=False)
         write_text(self.folder / TABLE, csv_of(rows), "table")
         write_text(self.folder / TABLES, self._tables(rows), "table")
         return Outcome(rows, skipped, log.scores)

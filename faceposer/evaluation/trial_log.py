@@ -15,8 +15,8 @@ from faceposer.errors import FacePoserError
 from faceposer.evaluation.measures import Score
 from faceposer.evaluation.trials import Cell
 from faceposer.files import paths
-from faceposer.files.atomic import write_text
 from faceposer.files.reading import read_bytes
+from faceposer.files.writing import json_text, write_json
 
 #: Scores by method, cell and seed, then by the number of the trial.
 Scores = dict[tuple[str, Cell, int], dict[int, Score]]
@@ -68,7 +68,7 @@ class TrialLog:
         return data[:length].splitlines()
 
     def _create(self, header: Mapping[str, Any]) -> None:
-        write_text(self.path, json.dumps(header) + "\n", "trial log")
+        write_json(self.path, header, "trial log", indent=None)
 
     def _check(self, line: bytes, header: Mapping[str, Any]) -> None:
         try:
@@ -120,7 +120,7 @@ class TrialLog:
             "trials": list(scores),
             **_columns_of(list(scores.values())),
         }
-        data = (json.dumps(record, separators=(",", ":")) + "\n").encode()
+        data = (json_text(self.path, record, "trial log", indent=None) + "\n").encode()
         try:
             with self.path.open("ab", buffering=0) as file:
                 file.write(data)

@@ -16,7 +16,7 @@ from faceposer.evaluation.running import unavailable
 from faceposer.evaluation.setting import StudyContext
 from faceposer.evaluation.takes import FOLDS, Source
 from faceposer.evaluation.trials import Cell, Trial, TrialMaker
-from faceposer.files.atomic import write_text
+from faceposer.files.writing import write_json
 
 #: File name of the result.
 TUNED = "tuned.json"
@@ -210,4 +210,4 @@ def write_tuned(folder: Path, tuned: dict[str, Tuned], command: str) -> None:
         "cells": [{"constraint": cell.constraint, "count": cell.count, "noise_px": cell.noise_px} for cell in CELLS],
         "methods": tuned,
     }
-    write_text(folder / TUNED, json.dumps(about, indent=1) + "\n", "result")
+    write_json(folder / TUNED, about, "result")

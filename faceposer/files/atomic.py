@@ -1,5 +1,6 @@
 """Atomic writes of files and folders: the old content remains until the new one is complete."""
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,8 @@ from faceposer.files.temporary import remove_left, temporary_path
 def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
     """Yield a temporary path next to ``path`` that replaces it at the end of the block, unless the block raises.
 
-    Temporary files left in the folder by programs that were killed are removed.
+    If ``path`` is a link, the file that it leads to is replaced, and the link remains. Temporary files left in the
+    folder by programs that were killed are removed.
 
     Args:
         path: The file; its folder must exist.
@@ -25,16 +27,16 @@ def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
     Raises:
         FacePoserError: If the file cannot be written.
     """
-    _check_replaceable(path, kind)
-    temporary = temporary_path(path)
+    file = _replaced(path, kind)
+    temporary = temporary_path(file)
     try:
-        remove_left(path.parent)
+        remove_left(file.parent)
         yield temporary
         if durable:
             _sync(temporary, os.O_RDWR)
-        temporary.replace(path)
+        temporary.replace(file)
         if durable:
-            _sync_folder(path.parent)
+            _sync_folder(file.parent)
     except OSError as error:
         raise FacePoserError(_cannot(kind, path, error)) from error
     finally:
@@ -47,6 +49,8 @@ def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
 def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     """Yield temporary paths next to ``paths`` that replace all of them at the end of the block, or none.
 
+    As in ``atomic_file``, links remain.
+
     Args:
         paths: The files, at least one, in the order of replacement; their folders must exist. Messages name the last.
         kind: Noun for messages, such as "mesh".
@@ -54,18 +58,22 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     Raises:
         FacePoserError: If a file cannot be written; the old files are then restored.
     """
-    _check_replaceable(paths[-1], kind)
-    temporaries = [temporary_path(path) for path in paths]
-    olds = [path.with_name(f"{path.name}.old") for path in paths]
+    files = [_replaced(path, kind) for path in paths]
+    whole = [path_checks.resolved(file) for file in files]
+    if len(set(whole)) < len(whole):
+        names = " and ".join(f"'{path}'" for path, file in zip(paths, whole, strict=True) if whole.count(file) > 1)
+        raise FacePoserError(f"The {kind} '{paths[-1]}' cannot be written: {names} are links to one file; remove one.")
+    temporaries = [temporary_path(file) for file in files]
+    olds = [file.with_name(f"{file.name}.old") for file in files]
     backups = [temporary_path(old) for old in olds]
     try:
-        for folder in {path.parent for path in paths}:
+        for folder in {file.parent for file in files}:
             remove_left(folder)
         yield temporaries
         for temporary in temporaries:
             _sync(temporary, os.O_RDWR)
-        _replace_all(paths, temporaries, backups)
-        for folder in {path.parent for path in paths}:
+        _replace_all(files, temporaries, backups)
+        for folder in {file.parent for file in files}:
             _sync_folder(folder)
     except OSError as error:
         raise FacePoserError(_cannot(kind, paths[-1], error)) from error
@@ -107,20 +115,23 @@ def _keep(path: Path, backup: Path) -> None:
 def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
     """Yield a temporary folder next to ``path``, which must be new or empty, that becomes ``path`` at the end.
 
+    If ``path`` is a link, the empty folder that it leads to is replaced, and the link remains.
+
     Raises:
         FacePoserError: If ``path`` is not an empty folder, or if it cannot be written.
     """
-    temporary = temporary_path(path)
+    place = _followed(path, kind)
+    temporary = temporary_path(place)
     try:
-        if path_checks.exists(path) and (not path_checks.is_dir(path) or any(path.iterdir())):
+        if path_checks.exists(place) and (not path_checks.is_dir(place) or any(place.iterdir())):
             raise FacePoserError(f"'{path}' exists and is not an empty folder; give the name of a new one.")
-        remove_left(path.parent)
+        remove_left(place.parent)
         temporary.mkdir()
         yield temporary
-        if path_checks.exists(path):
-            path.rmdir()
-        temporary.replace(path)
-        _sync_folder(path.parent)
+        if path_checks.exists(place):
+            place.rmdir()
+        temporary.replace(place)
+        _sync_folder(place.parent)
     except OSError as error:
         raise FacePoserError(_cannot(kind, path, error)) from error
     finally:
@@ -162,8 +173,7 @@ def check_output(path: Path, *suffixes: str) -> None:
         raise FacePoserError(f"The output '{path}' must end in {choices}.")
     if path_checks.is_dir(path):
         raise FacePoserError(f"The output '{path}' is a folder; give the name of a file.")
-    _check_replaceable(path, "output")
-    check_folder_of(path)
+    check_folder_of(_replaced(path, "output"))
 
 
 def check_folder_of(path: Path) -> None:
@@ -189,7 +199,7 @@ def check_new_folder(path: Path) -> None:
     """
     if reason := path_checks.problem(path):
         raise FacePoserError(f"The folder '{path}' cannot be written: {reason}.")
-    folder = path_checks.absolute(path)
+    folder = path_checks.absolute(_followed(path, "folder"))
     while not path_checks.exists(folder) and folder != folder.parent:
         folder = folder.parent
     if not path_checks.is_dir(folder):
@@ -198,11 +208,37 @@ def check_new_folder(path: Path) -> None:
         raise FacePoserError(f"The folder '{folder}' is not writable; choose another.")
 
 
-def _check_replaceable(path: Path, kind: str) -> None:
-    """Raise ``FacePoserError`` if ``path`` is a folder, a device or another special file."""
-    if path_checks.exists(path) and not path_checks.is_file(path):
-        what = "a folder" if path_checks.is_dir(path) else "a device or another special file"
-        raise FacePoserError(f"The {kind} '{path}' cannot be written: it is {what}; enter another name.")
+def _replaced(path: Path, kind: str) -> Path:
+    """Return the file that a write to ``path`` replaces: ``path``, or what it leads to if it is a link.
+
+    Raises:
+        FacePoserError: If that is a folder, a device or another special file, or a link leads nowhere.
+    """
+    file = _followed(path, kind)
+    if path_checks.exists(file) and not path_checks.is_file(file):
+        what = "a folder" if path_checks.is_dir(file) else "a device or another special file"
+        verb = "is" if file == path else "leads to"
+        raise FacePoserError(f"The {kind} '{path}' cannot be written: it {verb} {what}; enter another name.")
+    return file
+
+
+def _followed(path: Path, kind: str) -> Path:
+    """Return ``path``, or what it leads to if it is a link.
+
+    Raises:
+        FacePoserError: If the link leads nowhere.
+    """
+    if not path_checks.is_link(path):
+        return path
+    try:
+        return path.resolve(strict=True)
+    except FileNotFoundError:
+        reason = "it is a link to something that does not exist; remove the link, or enter another name"
+    except (OSError, RuntimeError) as error:
+        # Links in circles are a RuntimeError until Python 3.12.
+        system = error.strerror if isinstance(error, OSError) and error.errno != errno.ELOOP else None
+        reason = f"it is a link that cannot be followed, {system or 'since it leads in a circle'}; enter another name"
+    raise FacePoserError(f"The {kind} '{path}' cannot be written: {reason}.")
 
 
 def _cannot(kind: str, path: Path, error: OSError) -> str:

@@ -3,7 +3,7 @@
 ``Path.is_file`` and its like raise for names that are too long, for folders without permission and for links in
 circles; ``Path.expanduser`` raises for users that do not exist.
 """
-# ruff: noqa: PTH110, PTH111, PTH112, PTH113, PTH116, PTH121, PTH208
+# ruff: noqa: PTH110, PTH111, PTH112, PTH113, PTH114, PTH116, PTH121, PTH208
 
 import os
 from pathlib import Path
@@ -22,6 +22,19 @@ def is_dir(path: Path | str) -> bool:
 def exists(path: Path | str) -> bool:
     """Return True if there is something at ``path``; False also if that cannot be found out."""
     return os.path.exists(path)
+
+
+def is_link(path: Path | str) -> bool:
+    """Return True if ``path`` is a symbolic link; False also if that cannot be found out."""
+    try:
+        return os.path.islink(path)
+    except ValueError:
+        return False
+
+
+def folder_of(path: Path) -> Path:
+    """Return the folder of the file ``path``, or if it is a link, that of the file that it leads to."""
+    return resolved(path).parent if is_link(path) else path.parent
 
 
 def can_enter(folder: Path | str) -> bool:

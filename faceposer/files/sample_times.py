@@ -83,7 +83,7 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
     count = len(seconds)
     times, notes = _rising(_complete(seconds))
     if not (np.diff(times) > 0.0).any():
-        return frames_in_order(count, rate, "Its times do not change")
+        return frames_in_order(count, rate, "Its times do not rise")
     times = _apart(times)
     steps = np.diff(times)
     usual = float(np.median(steps[steps > 0.0]))

@@ -31,12 +31,18 @@ class Bind:
     weight: float
 
 
-def read_expressions(file: GltfFile) -> tuple[dict[str, list[Bind]], tuple[str, ...]]:
+def read_expressions(
+    file: GltfFile, weights_range: float | None = None
+) -> tuple[dict[str, list[Bind]], tuple[str, ...]]:
     """Return the morph targets of each expression by name, and notes for the user; both empty without an avatar.
 
     Weights range from 0 to 1 in VRM 1.0 and from 0 to 100 in VRM 0.x; files that use the range of the other version
     are recognised by their largest weight. Expressions without morph targets, or with references to missing objects,
     are left out.
+
+    Args:
+        file: The avatar.
+        weights_range: Full weight of all expressions, in place of that of the version or the largest weight.
     """
     extensions = file.root.child("extensions")
     expressions = extensions.child("VRMC_vrm").child("expressions")
@@ -50,15 +56,15 @@ def read_expressions(file: GltfFile) -> tuple[dict[str, list[Bind]], tuple[str, 
     except FacePoserError:
         groups = []
     old = [(clip.name() or clip.name("presetName"), clip) for clip in groups]
-    found, notes = _read_clips(file, new, ("morphTargetBinds", "nodes", "node"), 1.0)
-    more, more_notes = _read_clips(file, old, ("binds", "meshes", "mesh"), 100.0)
+    found, notes = _read_clips(file, new, ("morphTargetBinds", "nodes", "node"), 1.0, weights_range)
+    more, more_notes = _read_clips(file, old, ("binds", "meshes", "mesh"), 100.0, weights_range)
     return found | {name: binds for name, binds in more.items() if name not in found}, (*notes, *more_notes)
 
 
 def _read_clips(
-    file: GltfFile, clips: list[tuple[str, GltfObject]], keys: tuple[str, str, str], whole: float
+    file: GltfFile, clips: list[tuple[str, GltfObject]], keys: tuple[str, str, str], whole: float, given: float | None
 ) -> tuple[dict[str, list[Bind]], tuple[str, ...]]:
-    """Return the expressions of one version of VRM, in which the full weight is ``whole``, and notes."""
+    """Return the expressions of one version of VRM, of full weight ``given``, by default ``whole``, and notes."""
     found: dict[str, list[Bind]] = {}
     for name, clip in clips:
         try:
@@ -70,7 +76,8 @@ def _read_clips(
     largest = max((abs(bind.weight) for binds in found.values() for bind in binds), default=0.0)
     other = 101.0 - whole
     foreign = largest > _MOST_WEIGHT if whole == 1.0 else 0.0 < largest <= other
-    full = other if foreign else whole
+    foreign = foreign and given is None
+    full = given or (other if foreign else whole)
     scaled = {
         name: [Bind(bind.holder, bind.index, bind.target, bind.weight / full) for bind in binds]
         for name, binds in found.items()

@@ -64,7 +64,7 @@ class _Piece:
     part: _Part
 
 
-def read_gltf(path: Path) -> MorphMesh:
+def read_gltf(path: Path, weights_range: float | None = None) -> MorphMesh:
     """Read all meshes of the default scene as one mesh, with their morph targets combined by name.
 
     Nodes are in the file's order. Each primitive is a group named after its node or mesh, numbered if there are
@@ -75,6 +75,7 @@ def read_gltf(path: Path) -> MorphMesh:
 
     Args:
         path: Path of a .glb, .gltf or .vrm file of at most 1 GB.
+        weights_range: Full weight of an avatar's expressions, 1 or 100; None to infer it.
 
     Raises:
         FacePoserError: If it cannot be read, is invalid or compressed, or has no faces.
@@ -89,7 +90,7 @@ def read_gltf(path: Path) -> MorphMesh:
     if not count:
         raise FacePoserError(f"The scene of the rig '{path}' has no mesh with faces; add the face to its scene.")
     names = dict.fromkeys(name for part in parts for name in part.names)
-    expressions = _new_expressions(file, parts, list(names))
+    expressions = _new_expressions(file, parts, list(names), weights_range)
     n_targets = len(names) + len(expressions.shares)
     size = n_targets * count * 12
     if size > MAX_OFFSET_BYTES:
@@ -246,11 +247,11 @@ class _Expressions:
     notes: tuple[str, ...]
 
 
-def _new_expressions(file: GltfFile, parts: list[_Part], names: list[str]) -> _Expressions:
+def _new_expressions(file: GltfFile, parts: list[_Part], names: list[str], weights_range: float | None) -> _Expressions:
     """Return the expressions without a target of the same name."""
     taken = {spelling_key(name) for name in names}
     expressions: dict[str, list[tuple[_Part, int, float]]] = {}
-    read, notes = read_expressions(file)
+    read, notes = read_expressions(file, weights_range)
     for name, binds in read.items():
         shares = [
             (part, bind.target, bind.weight)

@@ -15,8 +15,8 @@ from faceposer.geometry.polygon_mesh import PolygonMesh
 
 _MAX_BYTES = 1 << 30
 _APPLE_DOUBLE = b"\x00\x05\x16\x07"
-# Limits of an OBJ file, of which a face of a million vertices stays below.
-_MAX_LINES, _LONGEST_LINE = 4_000_000, 1 << 25
+# Limits of an OBJ file, of which a face of half a million vertices stays below.
+_MAX_BYTES_OBJ, _MAX_LINES, _LONGEST_LINE = 160 << 20, 4_000_000, 1 << 22
 # The readers of trimesh take many times the size of a file.
 _MAX_BYTES_TRIMESH = 128 << 20
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
@@ -59,14 +59,17 @@ def _read(path: Path) -> PolygonMesh:
 def _check_lines(path: Path) -> None:
     """Raise a FacePoserError if the OBJ file ``path`` has far more lines than a face."""
     lines = longest = 0
-    with open_file(path, _MAX_BYTES) as file:
+    last = b""
+    with open_file(path, _MAX_BYTES_OBJ) as file:
         while block := file.read(1 << 24):
-            lines += block.count(b"\n") + block.count(b"\r")
-            longest = 0 if b"\n" in block or b"\r" in block else longest + len(block)
-            if lines > 2 * _MAX_LINES or longest > _LONGEST_LINE:
+            lines += block.count(b"\n") + block.count(b"\r") - (last + block).count(b"\r\n")
+            end = max(block.rfind(b"\n"), block.rfind(b"\r")) + 1
+            longest = len(block) - end if end else longest + len(block)
+            last = block[-1:]
+            if lines > _MAX_LINES or longest > _LONGEST_LINE:
                 raise FacePoserError(
-                    f"The mesh '{path}' has more than {_MAX_LINES} lines, or lines of more than {_LONGEST_LINE >> 20} "
-                    "MB; export the face only."
+                    f"The mesh '{path}' has more than {_MAX_LINES:,} lines, or lines of more than "
+                    f"{_LONGEST_LINE >> 20} MB; export the face only."
                 )
 
 

@@ -3,7 +3,7 @@
 import codecs
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,18 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
-from faceposer.files.reading import open_file, open_text, read_bytes
+from faceposer.files.reading import read_bytes
+from faceposer.files.writing import check_finite
 from faceposer.geometry.mtl_io import writable_name
-from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, pad_polygons
+from faceposer.geometry.obj_arrays import numbers_in, parsed_at_once
+from faceposer.geometry.obj_blocks import UTF16, WIDTHS, Counts, read_blocks
+from faceposer.geometry.obj_lines import parsed_by_line
+from faceposer.geometry.polygon_mesh import Group, PolygonMesh, no_polygons, padded
 
-# Limit on the corners of a face, since the array of polygons is as wide as the largest.
-_MOST_CORNERS = 128
-# Limit on the length of a statement with its continuation lines, in characters.
-_LONGEST_STATEMENT = 1 << 16
-_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_SPACE = " \t\r\n\f\v"
-# Statements whose argument is a name, in which a "#" is a character like any other.
-_NAMES = ("g", "o", "usemtl", "mtllib")
+# Limits on groups, on lines that are parsed one by one, and on the cells of the array of polygons, which is as wide as
+# the largest face.
+_MOST_GROUPS, _MOST_SLOW, _MOST_CELLS = 100_000, 500_000, 40_000_000
 
 
 def write_obj(
@@ -104,6 +103,7 @@ class ObjWriter:
         Raises:
             FacePoserError: If the file cannot be written.
         """
+        check_finite(path, "mesh", vertices, () if normals is None else normals)
         write_text(path, self.text(vertices, normals), "mesh")
 
     def text(self, vertices: ArrayLike, normals: ArrayLike | None = None) -> str:
@@ -141,117 +141,70 @@ def read_obj(path: Path) -> PolygonMesh:
 
     Raises:
         OSError: If the file cannot be read.
-        FacePoserError: If a line is invalid.
+        FacePoserError: If a line is invalid, or there are far too many groups, or corners of faces.
     """
-    tables: dict[str, list[list[float]]] = {"v": [], "vt": [], "vn": []}
-    polygons: list[tuple[int, ...]] = []
-    polygon_uvs: list[tuple[int, ...]] = []
+    rows: dict[str, list[NDArray[np.float64]]] = {keyword: [] for keyword in WIDTHS}
+    sizes: list[NDArray[np.int32]] = []
+    corners: list[NDArray[np.int32]] = []
+    textures: list[NDArray[np.int32]] = []
+    has_textures = True
+    count = began = slow = 0
     groups: list[Group] = []
-    libraries: list[str] = []
+    libraries: dict[str, None] = {}
     name = material = ""
-    began = 0
 
-    def close_group() -> None:
-        if len(polygons) > began and (name or material):
-            groups.append(Group(name, (began, len(polygons)), material))
+    def close_group(end: int) -> None:
+        if end > began and (name or material):
+            groups.append(Group(name, (began, end), material))
+            if len(groups) > _MOST_GROUPS:
+                raise FacePoserError(
+                    f"The mesh '{path}' has more than {_MOST_GROUPS:,} groups of faces; export it without groups."
+                )
 
-    for number, keyword, rest in _statements(path):
-        try:
-            if keyword in tables:
-                width = 2 if keyword == "vt" else 3
-                row = [_number(word) for word in rest.split()[:width]]
-                if len(row) != width:
-                    raise ValueError(f"'{keyword}' needs {width} numbers")
-                tables[keyword].append(row)
-            elif keyword == "f":
-                corners = [corner.split("/") for corner in rest.split()]
-                if len(corners) < 3:
-                    raise ValueError("a face needs at least 3 corners")
-                if len(corners) > _MOST_CORNERS:
-                    raise ValueError(f"a face of {len(corners)} corners is too large; split it into smaller ones")
-                polygons.append(tuple(_index(c[0], len(tables["v"])) for c in corners))
-                if all(len(c) > 1 and c[1] for c in corners):
-                    polygon_uvs.append(tuple(_index(c[1], len(tables["vt"])) for c in corners))
-            elif keyword == "mtllib":
-                libraries.append(rest)
-            elif keyword in _NAMES:
-                close_group()
-                began = len(polygons)
-                if keyword == "usemtl":
-                    material = rest
-                else:
-                    name = rest
-        except ValueError as error:
-            raise FacePoserError(f"The mesh '{path}' is broken at line {number}: {error}.") from error
-    close_group()
-    whole = len(polygon_uvs) == len(polygons)
+    before = Counts()
+    for block in read_blocks(path):
+        parsed = parsed_at_once(block, before) or parsed_by_line(block, before, path)
+        for keyword, values in parsed.rows.items():
+            rows[keyword].append(values)
+        before = before.after(parsed.rows)
+        slow += parsed.slow + len(parsed.names)
+        if slow > _MOST_SLOW:
+            raise FacePoserError(
+                f"The mesh '{path}' has more than {_MOST_SLOW:,} lines of names, or of an unusual form; export the "
+                "face only, without groups."
+            )
+        sizes.append(parsed.sizes)
+        corners.append(parsed.corners)
+        has_textures = has_textures and parsed.textures is not None
+        textures = [*textures, parsed.textures] if has_textures and parsed.textures is not None else []
+        for first, keyword, rest in parsed.names:
+            if keyword == "mtllib":
+                libraries[rest] = None
+                continue
+            close_group(count + first)
+            began = count + first
+            if keyword == "usemtl":
+                material = rest
+            else:
+                name = rest
+        count += len(parsed.sizes)
+    close_group(count)
+    lengths = np.concatenate([*sizes, np.zeros(0, np.int32)])
+    columns = int(lengths.max(initial=3))
+    if len(lengths) * columns > _MOST_CELLS:
+        raise FacePoserError(
+            f"The mesh '{path}' has {len(lengths)} faces of up to {columns} corners, which is too many; export it with "
+            "faces of 3 or 4 corners."
+        )
     return PolygonMesh(
-        np.array(tables["v"], dtype=np.float64).reshape(-1, 3),
-        pad_polygons(polygons),
-        np.array(tables["vt"] if whole else [], dtype=np.float64).reshape(-1, 2),
-        pad_polygons(polygon_uvs) if whole else no_polygons(),
-        np.array(tables["vn"], dtype=np.float64).reshape(-1, 3),
+        np.concatenate([*rows["v"], np.zeros((0, 3))]),
+        padded(corners, lengths),
+        np.concatenate([*(rows["vt"] if has_textures else []), np.zeros((0, 2))]),
+        padded(textures, lengths) if has_textures else no_polygons(),
+        np.concatenate([*rows["vn"], np.zeros((0, 3))]),
         tuple(groups),
         tuple(libraries),
     )
-
-
-def _statements(path: Path) -> Iterator[tuple[int, str, str]]:
-    """Yield the line number, the keyword and the argument of each statement, without comments.
-
-    A backslash at the end of a line continues the statement on the next one, except in comments, which may end in a
-    Windows path.
-    """
-    with open_file(path) as file:
-        start = file.read(3)
-    is_utf16 = start.startswith(_UTF16)
-    # Latin-1 preserves all bytes, so that only names have to be decoded.
-    with open_text(path, "utf-16" if is_utf16 else "latin-1") as file:
-        if start == codecs.BOM_UTF8:
-            file.read(3)
-        begun = ""
-        number = 0
-        try:
-            for number, line in enumerate(file, 1):
-                text = begun + line
-                begun = ""
-                if "#" in text and text.lstrip(_SPACE).startswith("#"):
-                    continue
-                if "\\" in text and (plain := text.rstrip(_SPACE)).endswith("\\"):
-                    begun = plain[:-1] + " "
-                    if len(begun) > _LONGEST_STATEMENT:
-                        raise FacePoserError(
-                            f"The mesh '{path}' is broken at line {number}: a continued statement is longer than "
-                            f"{_LONGEST_STATEMENT} characters; export it again."
-                        )
-                    continue
-                if (found := _statement(text, is_utf16)) is not None:
-                    yield number, *found
-            if (found := _statement(begun, is_utf16)) is not None:
-                yield number, *found
-        except UnicodeError as error:
-            raise FacePoserError(
-                f"The mesh '{path}' is broken after line {number}: it is not valid UTF-16; export it again."
-            ) from error
-
-
-def _statement(text: str, decoded: bool) -> tuple[str, str] | None:
-    """Return the keyword and the argument in ``text``; None if it is empty."""
-    keyword, *words = text.split(None, 1) or [""]
-    if not keyword:
-        return None
-    rest = words[0] if words else ""
-    if keyword not in _NAMES:
-        return keyword, rest.partition("#")[0] if "#" in rest else rest
-    return keyword, (rest if decoded else decoded_name(rest.encode("latin-1"))).strip(_SPACE)
-
-
-def decoded_name(name: bytes) -> str:
-    """Return a ``name`` from a file as text: UTF-8, or else Windows-1252 as older exporters write it."""
-    try:
-        return name.decode("utf-8")
-    except UnicodeDecodeError:
-        return name.decode("cp1252", errors="replace")
 
 
 def obj_content(path: Path) -> bytes:
@@ -262,7 +215,7 @@ def obj_content(path: Path) -> bytes:
         FacePoserError: If it is not valid UTF-16.
     """
     data = read_bytes(path)
-    if data.startswith(_UTF16):
+    if data.startswith(UTF16):
         try:
             data = data.decode("utf-16").encode("utf-8")
         except UnicodeError as error:
@@ -274,18 +227,8 @@ def obj_content(path: Path) -> bytes:
     return data
 
 
-def read_obj_positions(path: Path) -> NDArray[np.float64]:
-    """Read only the vertices of the OBJ file ``path``, shape (N, 3), many times faster than ``read_obj``.
-
-    Raises:
-        OSError: If the file cannot be read.
-        FacePoserError: If the line of a vertex is invalid.
-    """
-    return _positions(path, obj_content(path).splitlines())
-
-
 def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]:
-    """Read the vertices of the OBJ file ``path``, shape (N, 3), and a digest of the vertex indices of its faces.
+    """Read the vertices of the OBJ file ``path``, shape (N, 3), and a digest of the vertex indices of its faces, fast.
 
     Files with equal digests have the same faces. The digest is "" if indices count from the end, as their meaning
     depends on their position.
@@ -297,7 +240,7 @@ def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]
     data = obj_content(path)
     vertices, faces = _run_of(data, b"v "), _run_of(data, b"f ")
     if vertices is not None and faces is not None:
-        numbers = _numbers(vertices.replace(b"\nv ", b"\n")[2:])
+        numbers = numbers_in(vertices.replace(b"\nv ", b"\n")[2:], np.float64)
         # Rows of six numbers have colours; all other files are read line by line.
         rows = vertices.count(b"\n") + 1
         if numbers is not None and len(numbers) in (3 * rows, 6 * rows):
@@ -328,38 +271,9 @@ def _digest(faces: bytes) -> str:
 
 def _positions(path: Path, lines: list[bytes]) -> NDArray[np.float64]:
     rows = [line[2:] for line in lines if line.startswith((b"v ", b"v\t"))]
-    numbers = _numbers(b" ".join(rows))
+    numbers = numbers_in(b" ".join(rows), np.float64)
     # Rows of six numbers have colours; all other files are read line by line.
     for columns in (3, 6):
         if numbers is not None and len(numbers) == columns * len(rows):
             return np.ascontiguousarray(numbers.reshape(-1, columns)[:, :3])
     return read_obj(path).vertices
-
-
-def _numbers(text: bytes) -> NDArray[np.float64] | None:
-    """Return the numbers in ``text``; None or too few if it contains anything else."""
-    try:
-        # Anything else causes a hidden DeprecationWarning and truncates the result, which callers detect by its length.
-        # Turning the warning into an error temporarily would not be thread-safe.
-        return np.fromstring(text.decode("ascii"), dtype=np.float64, sep=" ")
-    except (DeprecationWarning, UnicodeDecodeError, ValueError):
-        return None
-
-
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise ValueError(f"'{word[:20]}' is not a number") from None
-
-
-def _index(word: str, count: int) -> int:
-    """Return the zero-based index of OBJ's index ``word``, which counts from 1, or from the end if negative."""
-    try:
-        value = int(word)
-    except ValueError:
-        raise ValueError(f"'{word[:20]}' is not the index of a vertex") from None
-    index = value - 1 if value > 0 else count + value
-    if value == 0 or not 0 <= index < count:
-        raise ValueError(f"index {value} is out of range for the {count} entries listed before")
-    return index

@@ -1,5 +1,6 @@
 """Points on a surface, and picking of them by pixels."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,8 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mesh import Floats, Ints
+from faceposer.geometry.pixel_index import PixelIndex
 
 _EPSILON = 1e-12
+_TOO_MUCH = "too much of the face lies under its pixels; draw it from farther away, or less of it"
 # Number of tests of a pixel against a triangle near it, in all and at a time.
 _MOST_TESTS, _TESTS_AT_A_TIME = 5_000_000, 200_000
 
@@ -180,42 +183,36 @@ def pick_pixels(
 ) -> tuple[SurfacePoints, NDArray[np.bool_]]:
     """Return the nearest points under many ``pixels``, shape (n, 2), and the mask of pixels with a point, (n,).
 
-    A search tree over the pixels, in place of the paper's hierarchy of blocks (section 4.3), limits the tests to
-    triangles near each pixel. Triangles that face away are ignored.
+    Pixels in the order of their cells, in place of the paper's hierarchy of blocks (section 4.3), limit the tests to
+    the box of each triangle. Triangles that face away are ignored.
 
     Raises:
         ValueError: If far too many triangles are near the pixels.
     """
-    # Imported late to shorten the start of the window.
-    from scipy.spatial import cKDTree
-
     targets = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-    positions = np.asarray(vertices, dtype=np.float64)
-    corners = camera.project(positions)[np.asarray(triangles)]
-    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    # Pixels count downwards, so that triangles that face the camera have a negative area.
-    front = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0] < -_EPSILON
+    positions, triangles = np.asarray(vertices, dtype=np.float64), np.asarray(triangles)
     low, high = targets.min(axis=0, initial=np.inf), targets.max(axis=0, initial=-np.inf)
-    near = front & (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(axis=1)
-    near &= (camera.to_camera(positions)[:, 2][np.asarray(triangles)] > 0).all(axis=1)
-    candidates = np.flatnonzero(near)
+    candidates = _front_within(camera.project(positions), triangles, low, high)
+    candidates = candidates[(camera.to_camera(positions)[:, 2][triangles[candidates]] > 0).all(axis=1)]
     if not len(targets) or not len(candidates):
         return SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3))), np.zeros(len(targets), dtype=bool)
-    centres = corners[candidates].mean(axis=1)
-    radii = np.linalg.norm(corners[candidates] - centres[:, None], axis=2).max(axis=1)
-    tree = cKDTree(targets)
-    counts = tree.query_ball_point(centres, radii + 1e-9, return_length=True)
-    if counts.sum() > _MOST_TESTS:
-        raise ValueError("too much of the face lies under its pixels; draw it from farther away, or less of it")
+    corners = camera.project(positions)[triangles[candidates]]
+    least, most = corners.min(axis=1), corners.max(axis=1)
+    index = PixelIndex(targets)
+    rows = index.rows(least, most)
+    if int(rows.sum()) > _MOST_TESTS:
+        raise ValueError(_TOO_MUCH)
+    counts = np.concatenate([index.counts(least[part], most[part]) for part in _parts(rows)])
+    if int(counts.sum()) > _MOST_TESTS:
+        raise ValueError(_TOO_MUCH)
     nearest = np.full(len(targets), np.inf)
     faces, best = np.full(len(targets), -1), np.zeros((len(targets), 3))
-    # In parts, since triangles that are large in the picture are near many pixels.
-    ends = np.flatnonzero(np.diff(np.cumsum(counts) // _TESTS_AT_A_TIME)) + 1
-    for part in np.split(np.arange(len(candidates)), ends):
-        found = tree.query_ball_point(centres[part], radii[part] + 1e-9)
-        face = np.repeat(candidates[part], counts[part])
-        pixel = np.concatenate([np.asarray(hits, dtype=np.intp) for hits in found])
-        weights, distance = _along_rays(positions, np.asarray(triangles)[face], camera, targets[pixel])
+    for part in _parts(rows + counts):
+        which, pixel = index.inside(least[part], most[part])
+        which = which + part.start
+        inside = _inside(corners, which, targets[pixel])
+        face, pixel = candidates[which[inside]], pixel[inside]
+        weights, distance = _along_rays(positions, triangles[face], camera, targets[pixel])
         hit = (weights >= -1e-9).all(axis=1) & (distance > 0)
         face, pixel, weights, distance = face[hit], pixel[hit], weights[hit], distance[hit]
         order = np.lexsort((distance, pixel))
@@ -224,6 +221,48 @@ def pick_pixels(
         nearest[pixel[first]], faces[pixel[first]], best[pixel[first]] = distance[first], face[first], weights[first]
     met = faces >= 0
     return SurfacePoints(faces[met], _normalised(best[met])), met
+
+
+def _parts(work: NDArray[np.intp]) -> Iterator[slice]:
+    """Yield consecutive parts of triangles by the number of tests, ``work``, that each of them takes."""
+    ends = np.flatnonzero(np.diff(np.cumsum(work) // _TESTS_AT_A_TIME)) + 1
+    for first, last in itertools.pairwise([0, *ends.tolist(), len(work)]):
+        yield slice(first, last)
+
+
+def _inside(corners: NDArray[np.float64], which: NDArray[np.intp], pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return the mask of ``pixels``, (n, 2), in or very near their triangles ``which``, (n,), of ``corners``."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    slack = -1e-6 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])[which]
+    inside = np.ones(len(which), dtype=bool)
+    for k in range(3):
+        offset, edge = pixels - corners[:, k][which], edges[:, k][which]
+        # Triangles that face the camera turn against the clock, as rows count downwards.
+        inside &= offset[:, 0] * edge[:, 1] - offset[:, 1] * edge[:, 0] >= slack
+    return inside
+
+
+def _front_within(
+    projected: NDArray[np.float64], triangles: Ints, low: NDArray[np.float64], high: NDArray[np.float64]
+) -> NDArray[np.intp]:
+    """Return the triangles that face the camera and whose boxes meet the box from ``low`` to ``high``.
+
+    Args:
+        projected: Pixels of the vertices, shape (N, 2).
+        triangles: Vertex indices, shape (T, 3).
+        low: Least column and row.
+        high: Greatest column and row.
+    """
+    chosen: NDArray[np.intp] = np.arange(len(triangles))
+    for axis in range(2):
+        # A triangle is outside if all of its corners are on one side.
+        below, above = projected[:, axis] < low[axis], projected[:, axis] > high[axis]
+        a, b, c = triangles[chosen].T
+        chosen = chosen[~((below[a] & below[b] & below[c]) | (above[a] & above[b] & above[c]))]
+    corners = projected[triangles[chosen]]
+    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    # Pixels count downwards, so that triangles that face the camera have a negative area.
+    return chosen[edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0] < -_EPSILON]
 
 
 def points_on_triangles(

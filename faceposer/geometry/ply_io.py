@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
 from faceposer.files.reading import read_bytes
+from faceposer.files.writing import check_finite
 from faceposer.geometry.polygon_mesh import PolygonMesh, no_polygons, pad_polygons
 
 _CODES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
@@ -59,6 +60,7 @@ def write_ply(
     Raises:
         FacePoserError: If the file cannot be written.
     """
+    check_finite(path, "mesh", vertices, normals)
     points = np.hstack([np.asarray(vertices, dtype="<f4"), np.asarray(normals, dtype="<f4")])
     header = ["ply", "format binary_little_endian 1.0", *([f"comment {comment}"] if comment else [])]
     header += [f"element vertex {len(points)}", *(f"property float {name}" for name in ("x", "y", "z"))]

@@ -82,9 +82,26 @@ def pad_polygons(faces: list[tuple[int, ...]]) -> NDArray[np.int32]:
     return padded
 
 
+def padded(corners: list[NDArray[np.int32]], lengths: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return faces as an array of shape (F, K), padded with -1; K is the most corners and at least 3.
+
+    Args:
+        corners: Values of the corners of all faces, in parts.
+        lengths: Number of corners of each face, shape (F,).
+    """
+    columns = max(3, int(lengths.max(initial=3)))
+    values = np.concatenate([*corners, np.zeros(0, dtype=np.int32)])
+    if len(values) == len(lengths) * columns:
+        return values.reshape(-1, columns)
+    faces = np.full((len(lengths), columns), -1, dtype=np.int32)
+    faces[np.arange(columns) < lengths[:, None]] = values
+    return faces
+
+
 def triangle_fans(polygons: NDArray[np.int32]) -> NDArray[np.int32]:
     """Split ``polygons``, (F, K) padded with -1, into triangle fans around their first corners, shape (T, 3)."""
-    columns = polygons.shape[1]
-    fans = np.stack([polygons[:, [0, k, k + 1]] for k in range(1, columns - 1)], axis=1)
-    triangles: NDArray[np.int32] = np.ascontiguousarray(fans[fans[:, :, 2] >= 0])
-    return triangles
+    if polygons.shape[1] == 3 and (polygons[:, 2] >= 0).all():
+        return polygons.copy()
+    # Memory follows the triangles, not the width of the array.
+    face, last = np.nonzero(polygons[:, 2:] >= 0)
+    return np.stack([polygons[face, 0], polygons[face, last + 1], polygons[face, last + 2]], axis=1)

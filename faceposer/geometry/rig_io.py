@@ -10,16 +10,20 @@ from faceposer.files import paths
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import MorphMesh
-from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, search_tree, still_share
+from faceposer.geometry.shape_alignment import Alignment, AlignmentReport, implausible, lay_on, search_tree, still_share
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
 
-def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
+def read_rig(
+    path: Path, neutral: Path | None = None, align: bool = True, weights_range: float | None = None
+) -> MorphMesh:
     """Read the face with its shapes in ``path``.
 
     Args:
         path: A glTF file (.glb, .gltf, .vrm), or a folder with a mesh for each shape and one for the neutral face.
         neutral: File of the neutral face, for folders in which it cannot be identified by its name.
+        align: False to read shapes as they are stored, without laying them on the neutral face.
+        weights_range: Full weight of an avatar's expressions, 1 or 100; None to infer it.
 
     Raises:
         FacePoserError: If it cannot be read, is invalid, or has no shapes.
@@ -27,13 +31,13 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
     if not paths.exists(path):
         raise FacePoserError(f"The rig '{path}' does not exist; choose a folder of shapes or a glTF file.")
     if paths.is_dir(path):
-        rig = read_shape_folder(path, neutral)
+        rig = read_shape_folder(path, neutral, align)
         kind = "folder"
         remedy = f"add a mesh for each shape to the folder ({', '.join(SHAPE_SUFFIXES)})"
     elif path.suffix.lower() in GLTF_SUFFIXES:
         if neutral is not None:
             raise FacePoserError(f"The rig '{path}' contains its neutral face; omit '{neutral}'.")
-        rig = _plausible(read_gltf(path), path)
+        rig = _plausible(read_gltf(path, weights_range), path, align)
         kind = "rig"
         remedy = "export it with its shape keys (blend shapes)"
     else:
@@ -54,8 +58,8 @@ def read_rig(path: Path, neutral: Path | None = None) -> MorphMesh:
     return rig
 
 
-def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
-    """Return the ``rig`` of a glTF file with its displacements corrected where they are none.
+def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
+    """Return the ``rig`` of a glTF file with its displacements corrected where they are none, if ``align``.
 
     Some exporters store the positions of a target instead of its displacements, or displacements from another mesh.
     """
@@ -69,10 +73,12 @@ def _plausible(rig: MorphMesh, path: Path) -> MorphMesh:
         vertices = neutral + offsets
         if not (np.isfinite(vertices).all() and offsets.any()):
             continue
-        if 2.0 * still_share(offsets.astype(np.float64), neutral) > 1.0 > 2.0 * still_share(vertices, neutral):
+        if align and 2.0 * still_share(offsets.astype(np.float64), neutral) > 1.0 > 2.0 * still_share(
+            vertices, neutral
+        ):
             absolute.append(name)
             vertices = offsets.astype(np.float64)
-        aligned = lay_on(vertices, neutral)
+        aligned = lay_on(vertices, neutral) if align else Alignment(vertices)
         report.add(name, aligned.change)
         reason = implausible(aligned.vertices, neutral, tree)
         if reason:

@@ -11,17 +11,15 @@ from faceposer.files import paths
 from faceposer.files.names import displayable, is_hidden
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mtl_io import read_obj_textures
-from faceposer.geometry.obj_io import obj_content, read_obj_positions
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
-from faceposer.geometry.shape_alignment import AlignmentReport, implausible, lay_on, search_tree
+from faceposer.geometry.shape_alignment import Alignment, AlignmentReport, implausible, lay_on, search_tree
 
 SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 NEUTRAL_NAMES = ("neutral", "base", "basis", "rest", "generic_neutral_mesh")
 _MAX_OFFSET_BYTES = 2 << 30
-_MAX_FILE_BYTES = 1 << 30
 
 
-def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
+def read_shape_folder(folder: Path, neutral: Path | None = None, align: bool = True) -> MorphMesh:
     """Read the meshes in ``folder`` as offsets from the neutral face.
 
     Shapes are named by their files, without a common prefix. Faces, texture coordinates and groups are those of the
@@ -30,6 +28,7 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
     Args:
         folder: Folder of OBJ, PLY, STL or OFF files with the same vertices in the same order.
         neutral: File of the neutral face, in the folder or elsewhere; found by its name if None.
+        align: False to read shapes where they are stored.
 
     Raises:
         FacePoserError: If no neutral face is found, two shapes have the same name, or a file cannot be read or has a
@@ -55,16 +54,15 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
             f"The folder '{folder}' has {len(shapes)} shapes of {len(rest.vertices)} vertices, which would take "
             f"{size >> 20} MB; choose a folder that takes less than {_MAX_OFFSET_BYTES >> 20} MB."
         )
-    text = _obj_text(neutral)
-    faces = _face_key(text, len(rest.polygons))
-    tail = _face_tail(text, len(rest.polygons))
     names, unusable = _shape_names(shapes, neutral)
     targets = {}
+    reordered: list[str] = []
     report = AlignmentReport()
     tree = search_tree(rest.vertices)
     for name, path in names.items():
-        positions = _positions(path, rest, neutral, faces, tail)
-        aligned = lay_on(positions, rest.vertices)
+        positions, is_reordered = _positions(path, rest, neutral)
+        reordered += [name] if is_reordered else []
+        aligned = lay_on(positions, rest.vertices) if align else Alignment(positions)
         report.add(name, aligned.change)
         reason = implausible(aligned.vertices, rest.vertices, tree)
         if reason:
@@ -75,6 +73,13 @@ def read_shape_folder(folder: Path, neutral: Path | None = None) -> MorphMesh:
         with np.errstate(over="ignore"):
             targets[name] = (aligned.vertices - rest.vertices).astype(np.float32)
     textures, notes = read_obj_textures(neutral, rest)
+    if reordered:
+        plural = len(reordered) > 1
+        notes = (
+            f"{len(reordered)} shape{'s have' if plural else ' has'} the vertices in another order than the neutral "
+            f"face (such as '{reordered[0][:60]}'); {'their' if plural else 'its'} faces gave the order.",
+            *notes,
+        )
     return MorphMesh(rest, targets, textures, (*report.notes(), *notes), unusable)
 
 
@@ -130,22 +135,8 @@ def _shape_names(shapes: list[Path], neutral: Path) -> tuple[dict[str, Path], di
     return names, unusable
 
 
-def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None, tail: bytes) -> NDArray[np.float64]:
-    """Return the vertices of a shape after comparing its faces with those of the neutral face."""
-    positions: NDArray[np.float64] | None = None
-    text = _obj_text(path) if faces is not None else b""
-    before = len(text) - len(tail)
-    same = bool(tail) and text.endswith(tail) and not any(0 <= text.find(b"\nf" + c) < before for c in (b" ", b"\t"))
-    if text and (same or _face_key(text, len(rest.polygons)) == faces):
-        # Reading only the positions is many times faster than reading the faces as well.
-        try:
-            positions = read_obj_positions(path)
-        except OSError as error:
-            raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
-        if len(positions) != len(rest.vertices) or not np.isfinite(positions).all():
-            positions = None
-    if positions is not None:
-        return positions
+def _positions(path: Path, rest: PolygonMesh, neutral: Path) -> tuple[NDArray[np.float64], bool]:
+    """Return the vertices of a shape in the order of the neutral face, and True if the file has another order."""
     mesh = read_mesh(path)
     remedy = "export all shapes with the same vertices in the same order"
     if len(mesh.vertices) != len(rest.vertices):
@@ -154,37 +145,26 @@ def _positions(path: Path, rest: PolygonMesh, neutral: Path, faces: bytes | None
             f"'{neutral}' has {len(rest.vertices)}; {remedy}."
         )
     difference = _first_difference(mesh, rest)
+    order = _order_by_faces(mesh, rest) if difference else None
+    if order is not None:
+        return mesh.vertices[order], True
     if difference:
         raise FacePoserError(
             f"The faces of the shape '{path}' differ from the neutral face '{neutral}': {difference}; {remedy}."
         )
-    return mesh.vertices
+    return mesh.vertices, False
 
 
-def _obj_text(path: Path) -> bytes:
-    """Return the content of an OBJ file with each statement on one line, empty for other or too large files."""
-    try:
-        return obj_content(path) if path.suffix.lower() == ".obj" and path.stat().st_size <= _MAX_FILE_BYTES else b""
-    except OSError as error:
-        raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
-
-
-def _face_tail(text: bytes, count: int) -> bytes:
-    """Return an OBJ's ``text`` from the first of its ``count`` faces on, for a fast comparison of faces.
-
-    It is empty if the faces depend on the preceding text, since vertices follow or an index counts from the end.
-    """
-    tail = text[text.find(b"\nf ") :]
-    return b"" if b"\nv " in tail or b"-" in tail or tail.count(b"\nf ") != count else tail
-
-
-def _face_key(text: bytes, count: int) -> bytes | None:
-    """Return the vertex indices of an OBJ's faces as text; None if they are not ``count`` or any is relative."""
-    lines = [line for line in text.splitlines() if line.startswith((b"f ", b"f\t"))]
-    # Indices of texture coordinates and normals are ignored, as exporters number them differently in each file.
-    key = re.sub(rb"/\S*", b"", b"\n".join(lines))
-    # The meaning of an index that counts from the end depends on the position of the face.
-    return None if b"-" in key or len(lines) != count else key
+def _order_by_faces(mesh: PolygonMesh, rest: PolygonMesh) -> NDArray[np.intp] | None:
+    """Return the vertex of ``mesh`` for each vertex of ``rest`` if their faces correspond in their order, else None."""
+    if mesh.polygons.shape != rest.polygons.shape:
+        return None
+    order = np.full(len(rest.vertices) + 1, -1, dtype=np.intp)
+    # Faces of fewer corners end in -1, which corresponds to itself.
+    order[rest.polygons] = mesh.polygons
+    is_same = bool((order[rest.polygons] == mesh.polygons).all()) and order[-1] == -1
+    order = order[:-1]
+    return order if is_same and (np.bincount(order[order >= 0], minlength=len(order)) == 1).all() else None
 
 
 def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:

@@ -51,7 +51,9 @@ def smoothed(points: ArrayLike, closed: bool = False, step: float = _STEP, reach
 
     line = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     if closed and len(line) > 2:
-        return gaussian_filter1d(resampled(np.concatenate([line, line[:1]]), step)[:-1], reach / step, 0, mode="wrap")
+        around = resampled(np.concatenate([line, line[:1]]), step)
+        # A pointer that is held still draws a single point, which is not repeated at the end.
+        return around if len(around) < 3 else gaussian_filter1d(around[:-1], reach / step, 0, mode="wrap")
     line = resampled(line, step)
     if len(line) < 3:
         return line

@@ -18,12 +18,15 @@ from faceposer.gui.signals import interrupted_by_signals
 from faceposer.gui.widgets.text import displayed
 from faceposer.model.face_model import FaceModel
 from faceposer.render.images import drawn_pixels
+from faceposer.session.session import Session
 
 # Seconds that a frame waits for the solve of a drag, so that the face follows the pointer in the same frame.
 _SOLVE_PATIENCE = 0.005
 # Frames in a row that may fail before the program ends.
 _MAX_FAILURES = 10
 _FRAMES_BETWEEN_TRIMS = 250
+# Frames after which a session that was opened has drawn everything, and what the one before it held is free.
+_FRAMES_AFTER_OPENING = 8
 
 
 class App(Editor):
@@ -57,6 +60,7 @@ class App(Editor):
         """
         self.frames_drawn = 0
         self._trim_at = _FRAMES_BETWEEN_TRIMS
+        self._last_session: Session | None = None
         self.interrupted = 0
         self._failures = 0
         self._prepared: FaceModel | None = None
@@ -161,6 +165,9 @@ class App(Editor):
         self.gui.draw()
         self.window.swap()
         self.frames_drawn += 1
+        if self.session is not self._last_session:
+            self._last_session = self.session
+            self._trim_at = min(self._trim_at, self.frames_drawn + _FRAMES_AFTER_OPENING)
         if self.frames_drawn >= self._trim_at and not self.toolbox.active:
             self._trim_at = self.frames_drawn + _FRAMES_BETWEEN_TRIMS
             return_free_memory()

@@ -81,6 +81,7 @@ class Editor:
         self.session = session
         self.scene.set_model(session.model)
         self.viewport = Viewport(self.scene, session, self.settings.navigation)
+        self.viewport.on_notice = self.notify
         self.dialogs = Dialogs(self.gui.fonts, self.widget_rects)
         self.file_dialogs = FileDialogs(
             self.gui.fonts, self.widget_rects, use_native=False if hidden else None, notify=self.notify

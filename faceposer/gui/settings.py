@@ -1,6 +1,5 @@
 """Settings kept between runs, such as folders, navigation and the window's size; damaged settings get defaults."""
 
-import json
 import math
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -9,9 +8,9 @@ from typing import Any, get_type_hints
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import convert, read_json
 from faceposer.files.user_folders import documents_folder, state_folder
+from faceposer.files.writing import write_json
 from faceposer.render.options import Backdrop
 from faceposer.tools.tool import Navigation
 
@@ -95,7 +94,7 @@ def save_settings(settings: Settings) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(f"The settings '{path}' cannot be written: {error.strerror}.") from error
-    write_text(path, json.dumps(asdict(settings), indent=1) + "\n", "settings")
+    write_json(path, asdict(settings), "settings")
 
 
 def last_folder(settings: Settings) -> Path:

@@ -29,6 +29,7 @@ class Viewport:
         size: Width and height, at least 1.
         ui_scale: Window units per unit of the interface, which is a pixel at normal density and zoom 1.
         hidden_among: Returns the indices of constraints whose marks the user has hidden.
+        on_notice: Shows a text of a tool to the user.
     """
 
     def __init__(self, scene: Scene, session: Session, navigation: Navigation) -> None:
@@ -39,6 +40,7 @@ class Viewport:
         self.size = (1, 1)
         self.ui_scale = 1.0
         self.hidden_among: Callable[[tuple[Constraint, ...]], frozenset[int]] = lambda _: frozenset()
+        self.on_notice: Callable[[str], None] = lambda _: None
         self._scene = scene
         self._camera: tuple[object, Camera] | None = None
         self.view: View = self.framed()
@@ -83,6 +85,10 @@ class Viewport:
         positions = points.positions(self._scene.vertices, self._scene.triangles)
         away = self._scene.facing_away(self.camera, points)
         return away | self._scene.occluded(self.camera, positions)
+
+    def notify(self, text: str) -> None:
+        """Show ``text`` to the user for a few seconds."""
+        self.on_notice(text)
 
     # Views
 

@@ -4,8 +4,8 @@ MediaPipe's face landmarker, NVIDIA's Audio2Face, Unity's and three.js' ARKit sa
 form. What is understood is described by its content, not by the names of its keys (docs/interchange.md).
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.files.sample_times import frames_at, frames_in_order, frames_numbered, interpolated
 from faceposer.files.time_columns import is_frame_number, is_time, numbers_of, times_of
+from faceposer.interchange.keyed_curves import Curve, curve_of, sampled, without_affixes
 from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.shape_names import canonical_shape
 
@@ -37,11 +38,12 @@ class _Frame:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Frames, the place where they were found, and the rate stated around them."""
+    """Frames or curves, the place where they were found, and the rate stated around them."""
 
     frames: list[_Frame]
     where: str
     rate: float | None
+    curves: Mapping[str, Curve] = field(default_factory=dict)
 
 
 def foreign_weights(data: Any, path: Path, rate: float | None = None) -> NamedWeights | None:
@@ -55,19 +57,23 @@ def foreign_weights(data: Any, path: Path, rate: float | None = None) -> NamedWe
     Raises:
         FacePoserError: If there are weights in several places, or they are not plausible.
     """
+    data, spelling = without_affixes(data)
     found = _search(data, "", (), None, 0)
     # A pose among the facts of an animation, such as its neutral, is not the animation.
     longest = max((len(one.frames) for one in found), default=0)
-    found = [one for one in found if len(one.frames) == longest or len(one.frames) > 1]
+    found = [one for one in found if len(one.frames) == longest or len(one.frames) > 1 or one.curves]
     if not found:
         return None
     if len(found) > 1:
         places = " and ".join(f"'{one.where[:60] or '(top)'}'" for one in found[:2])
         raise FacePoserError(f"weights are in several places, {places}; keep one of them.")
-    return _placed(found[0], path, rate)
+    weights = _placed(found[0], path, rate)
+    return replace(weights, notes=(spelling, *weights.notes)) if spelling else weights
 
 
 def _placed(found: _Found, path: Path, rate: float | None) -> NamedWeights:
+    if found.curves:
+        return _sampled(found, rate)
     if len(found.frames) > _MOST_FRAMES:
         raise FacePoserError(f"it has {len(found.frames):,} frames, more than {_MOST_FRAMES:,}.")
     names = tuple(dict.fromkeys(name for frame in found.frames for name in frame.weights))
@@ -96,6 +102,17 @@ def _placed(found: _Found, path: Path, rate: float | None) -> NamedWeights:
     return NamedWeights(names, weights, known, (*notes, *frames.notes, *gaps))
 
 
+def _sampled(found: _Found, rate: float | None) -> NamedWeights:
+    """Return the weights of curves at even times."""
+    if len({is_frame_number(curve.heading) for curve in found.curves.values()}) > 1:
+        raise FacePoserError("some of its curves have keys at times and some at frames; use one of both.")
+    read = sampled(found.curves, rate or found.rate, _MOST_FRAMES)
+    if read is None:
+        raise FacePoserError(f"its keys span more than {_MOST_FRAMES:,} frames.")
+    values, notes = _in_range(read[0])
+    return NamedWeights(tuple(found.curves), values, read[1] if len(values) > 1 else None, (*notes, *read[2]))
+
+
 def _in_range(values: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return weights from 0 to 1, and the sentence about percentages."""
     most = float(np.abs(values).max(initial=0.0))
@@ -116,9 +133,14 @@ def _search(data: Any, where: str, names: tuple[str, ...], rate: float | None, d
     if isinstance(data, dict):
         names = next((own for value in data.values() if (own := _names(value))), names)
         rate = next((value for key, value in data.items() if _is_rate(key, value)), rate)
-        columns = _columns([(key, value) for key, value in data.items() if isinstance(key, str)], data)
+        pairs = [(key, value) for key, value in data.items() if isinstance(key, str)]
+        columns = _columns(pairs, data)
     else:
+        pairs = [(name, element) for element in data if isinstance(element, dict) and (name := _name(element))]
         columns = _columns(list(_named(data)), {})
+    curves = {name: curve for name, value in pairs if _shape(name) and (curve := curve_of(value)) is not None}
+    if curves:
+        return [_Found([], where, rate, curves)]
     frames = columns or (_sequence(data, names) if isinstance(data, list) else None)
     if frames is not None:
         return [_Found(frames, where, rate)]
@@ -227,14 +249,18 @@ def _named(data: list[Any]) -> Iterator[tuple[str, Any]]:
         if isinstance(element, list) and len(element) == 2 and isinstance(element[0], str):
             yield element[0], element[1]
         elif isinstance(element, dict):
-            texts = [value for value in element.values() if isinstance(value, str)]
-            name = next((text for text in texts if _shape(text)), None)
+            name = _name(element)
             by_key = {str(key).lower(): value for key, value in element.items()}
             value = next((by_key[key] for key in _VALUE_KEYS if key in by_key), None)
             if name is not None and value is not None:
                 yield name, value
         else:
             return
+
+
+def _name(element: dict[Any, Any]) -> str | None:
+    """Return the name of a shape among the values of ``element``, or None."""
+    return next((text for text in element.values() if isinstance(text, str) and _shape(text)), None)
 
 
 def _names(value: Any) -> tuple[str, ...]:

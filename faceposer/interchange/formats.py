@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_output
+from faceposer.files.writing import check_finite
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
@@ -182,6 +183,7 @@ def write_steps(output: Output) -> Generator[float, None, None]:
         verb = "shows" if form.drawn else "holds"
         raise FacePoserError(f"'{output.path}' {verb} one pose, not {len(output.motion)}; {remedy}.")
     _check_options(form, output.options)
+    _check_motion(output, "file")
     yield from form.write(output)
 
 
@@ -195,7 +197,13 @@ def write_sequence_steps(output: Output, suffix: str) -> Generator[float, None, 
     if form.sequence is None or not isinstance(output.motion, Performance):
         raise FacePoserError(f"{form.name} cannot be written as a sequence of files; choose another format.")
     _check_options(form, output.options)
+    _check_motion(output, "folder")
     yield from form.sequence(output)
+
+
+def _check_motion(output: Output, kind: str) -> None:
+    motion = output.motion
+    check_finite(output.path, kind, motion.coefficients if isinstance(motion, Performance) else motion)
 
 
 def _check_options(form: Format, options: OutputOptions) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.files.atomic import atomic_file
+from faceposer.files.writing import check_finite, not_finite
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
 from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
@@ -66,6 +67,7 @@ def write_glb(
     Raises:
         FacePoserError: If the file cannot be written, or would be too large.
     """
+    check_finite(path, "model", motion.coefficients if isinstance(motion, Performance) else motion)
     frames = motion.weights(model) if isinstance(motion, Performance) else model.weights_of(motion)[None]
     character, frames = _with_wholes(model.character, frames)
     builder = GltfBuilder(_asset(character))
@@ -89,8 +91,12 @@ def write_glb(
     builder.root["scene"] = builder.add("scenes", {"nodes": [head]})
     if isinstance(motion, Performance) and animated_nodes:
         _animate(builder, animated_nodes, frames, motion.rate)
+    try:
+        content = builder.to_bytes()
+    except ValueError as error:
+        raise not_finite(path, "model") from error
     with atomic_file(path, "model") as temporary:
-        temporary.write_bytes(builder.to_bytes())
+        temporary.write_bytes(content)
 
 
 def _with_wholes(character: Character, frames: NDArray[np.float64]) -> tuple[Character, NDArray[np.float64]]:

@@ -32,6 +32,7 @@ class GltfBuilder:
         self.root: dict[str, Any] = {"asset": {"version": "2.0", **asset}}
         self._chunks: list[bytes] = []
         self._length = 0
+        self._finite = True
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
         """Add ``entry`` to the list ``kind``, such as "meshes", and return its index."""
@@ -60,7 +61,9 @@ class GltfBuilder:
             target: Target of the view, for vertices and indices.
             bounds: Include minimum and maximum, which positions and key frame times require (3.6.2.5).
         """
-        stored = np.ascontiguousarray(values, dtype=dtype)
+        with np.errstate(over="ignore"):
+            stored = np.ascontiguousarray(values, dtype=dtype)
+        self._finite &= bool(np.isfinite(stored).all())
         return self.accessor_of_view(self.view(stored.tobytes(), target), stored, bounds)
 
     def accessor_of_view(self, view: int, stored: NDArray[Any], bounds: bool = False) -> int:
@@ -80,8 +83,11 @@ class GltfBuilder:
         """Return the content of the file (4.4).
 
         Raises:
+            ValueError: If a number is not finite.
             FacePoserError: If it would exceed 4 GB, the limit of GLB.
         """
+        if not self._finite:
+            raise ValueError("a value of an accessor is not finite")
         root = dict(self.root)
         if self._length:
             root["buffers"] = [{"byteLength": self._length}]

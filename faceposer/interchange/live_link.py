@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
+from faceposer.files.writing import check_finite
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
@@ -73,9 +74,11 @@ def write_live_link(path: Path, model: FaceModel, performance: Performance) -> N
     Raises:
         FacePoserError: If the character has none of ARKit's shapes, or the file cannot be written.
     """
+    check_finite(path, "capture", performance.coefficients)
     weights = arkit_weights(model, performance.coefficients)
     order = [ARKIT_SHAPES.index(name) for name in _CHANNELS]
     values = np.hstack([weights[:, order], np.zeros((len(weights), 3)), _eye_turns(weights)])
+    check_finite(path, "capture", values)
     with (
         atomic_file(path, "capture") as temporary,
         temporary.open("w", newline="", encoding="utf-8") as file,

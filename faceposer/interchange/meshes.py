@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.files import paths
 from faceposer.files.atomic import atomic_files, atomic_folder
 from faceposer.files.reading import open_file
+from faceposer.files.writing import check_finite
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.obj_io import ObjWriter
 from faceposer.geometry.ply_io import write_ply
@@ -47,7 +48,9 @@ def write_posed_obj(
         FacePoserError: If a file cannot be written.
     """
     files = _library(path.parent, path.stem, model) if materials else {}
-    content = _obj_encoder(model, library_name(path.stem) if files else "")(model.surface(coefficients, contact))
+    check_finite(path, "mesh", coefficients)
+    encoded = _obj_encoder(model, library_name(path.stem) if files else "")
+    content = encoded(path, model.surface(coefficients, contact))
     changed = {
         path.with_name(name): data
         for name, data in files.items()
@@ -81,6 +84,7 @@ def write_posed_ply(path: Path, model: FaceModel, coefficients: ArrayLike, conta
     Raises:
         FacePoserError: If the file cannot be written.
     """
+    check_finite(path, "mesh", coefficients)
     _ply_writer(model)(path, model.surface(coefficients, contact))
 
 
@@ -127,6 +131,7 @@ def sequence_steps(
     Raises:
         FacePoserError: If the folder is not empty or cannot be written.
     """
+    check_finite(folder, "folder", performance.coefficients)
     files = _library(folder, folder.name, model) if materials and kind == "obj" else {}
     write = _ply_writer(model) if kind == "ply" else _obj_writer(model, library_name(folder.name) if files else "")
     digits = max(4, len(str(len(performance))))
@@ -149,26 +154,35 @@ def _obj_writer(model: FaceModel, library: str) -> _WriteFrame:
     content = _obj_encoder(model, library)
 
     def write(path: Path, vertices: NDArray[np.floating]) -> None:
-        path.write_bytes(content(vertices))
+        path.write_bytes(content(path, vertices))
 
     return write
 
 
-def _obj_encoder(model: FaceModel, library: str) -> Callable[[NDArray[np.floating]], bytes]:
-    """Return the function from vertices, shape (N, 3), to the content of an OBJ file that refers to ``library``."""
+def _obj_encoder(model: FaceModel, library: str) -> Callable[[Path, NDArray[np.floating]], bytes]:
+    """Return the function from vertices, shape (N, 3), to the content of an OBJ file that refers to ``library``.
+
+    The path of the file is for messages.
+    """
     character = model.character
     origin = character.origin
     normals = VertexNormals(character.triangles, len(character.vertices))
     groups, comment = materials_of(character).groups, _comment(model)
     if origin is None:
         writer = ObjWriter(character.polygons, character.uv, character.polygon_uvs, True, groups, comment, library)
-        return lambda vertices: writer.text(vertices, normals(vertices)).encode(errors="replace")
-    has_uvs = len(origin.polygon_uvs) > 0
-    uv, polygon_uvs = (origin.uv, origin.polygon_uvs) if has_uvs else (None, None)
-    original = ObjWriter(origin.polygons, uv, polygon_uvs, True, groups, comment, library)
-    return lambda vertices: original.text(
-        origin.vertices_of(vertices - character.vertices), origin.normals_of(normals(vertices))
-    ).encode(errors="replace")
+    else:
+        uv, polygon_uvs = (origin.uv, origin.polygon_uvs) if len(origin.polygon_uvs) > 0 else (None, None)
+        writer = ObjWriter(origin.polygons, uv, polygon_uvs, True, groups, comment, library)
+
+    def encoded(path: Path, vertices: NDArray[np.floating]) -> bytes:
+        points: NDArray[np.floating] = vertices
+        directions: NDArray[np.floating] = normals(vertices)
+        if origin is not None:
+            points, directions = origin.vertices_of(points - character.vertices), origin.normals_of(directions)
+        check_finite(path, "mesh", points, directions)
+        return writer.text(points, directions).encode(errors="replace")
+
+    return encoded
 
 
 def _ply_writer(model: FaceModel) -> _WriteFrame:

@@ -124,7 +124,8 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
         if is_aligned:
             coefficients, errors, mean_error = aligned, aligned_errors, _root_mean_square(aligned_errors)
     is_mirrored = False
-    if mean_error > _MAX_ERROR * character.height and determines_rotation(vertices):
+    # The mirror image of a flat face is near to it.
+    if _MILLIMETRES * mean_error > _ALIGNMENT_ERROR and determines_rotation(vertices):
         aligned, aligned_errors = fit.aligned(vertices * _MIRROR)
         is_mirrored = _root_mean_square(aligned_errors) < min(0.5 * mean_error, _MAX_ERROR * character.height)
         if is_mirrored:

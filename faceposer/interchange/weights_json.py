@@ -1,6 +1,5 @@
 """Rig weights over time as JSON (docs/interchange.md)."""
 
-import json
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonError, check_header, convert, read_json, shown
+from faceposer.files.writing import check_finite, json_text
 from faceposer.interchange.foreign_weights import foreign_weights
 from faceposer.interchange.named_weights import NamedWeights
 from faceposer.model.face_model import FaceModel
@@ -59,13 +59,14 @@ def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Pe
     from faceposer.solve.weight_fit import fit_weights_of_frames
 
     coefficients = motion.coefficients if isinstance(motion, Performance) else motion[None]
+    check_finite(path, "weights", coefficients)
     frames = np.round(fit_weights_of_frames(model, coefficients), _DIGITS) + 0.0
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "subject": model.character.name}
     if isinstance(motion, Performance):
         data["rate"] = motion.rate
-    lines = [json.dumps(name) + ": " + json.dumps(value) for name, value in data.items()]
-    lines.append('"names": ' + json.dumps(list(model.character.shape_names)))
-    rows = ",\n  ".join(json.dumps(row) for row in frames.tolist())
+    lines = [f'"{name}": {json_text(path, value, "weights")}' for name, value in data.items()]
+    lines.append('"names": ' + json_text(path, model.character.shape_names, "weights", indent=None))
+    rows = ",\n  ".join(json_text(path, row, "weights", indent=None) for row in frames.tolist())
     text = "{\n " + ",\n ".join(lines) + f',\n "frames": [\n  {rows}\n ]\n}}\n'
     write_text(path, text, "weights")
 
@@ -88,7 +89,10 @@ def _weights_from_json(data: Any, path: Path, rate: float | None) -> NamedWeight
         found = foreign_weights(data, path, rate)
         if found is not None:
             return found
-        raise FacePoserError(f'the file has no "format": "{FORMAT}", and no weights of ARKit\'s shapes by their names.')
+        raise FacePoserError(
+            f'the file has no "format": "{FORMAT}", and no weights of ARKit\'s shapes in a form that is read: '
+            "numbers by name in each frame, named weights, rows with a list of names, or curves with times."
+        )
     check_header(data, FORMAT, VERSION)
     form = convert(data, _WeightsFile)
     return NamedWeights(form.names, np.array(form.frames), rate or form.rate)

@@ -23,6 +23,7 @@ from faceposer.files import paths
 from faceposer.files.atomic import atomic_file
 from faceposer.files.json_documents import parse_json
 from faceposer.files.reading import open_file
+from faceposer.files.writing import check_finite, json_text, with_null
 from faceposer.model.character import Character, Floats, Ints, Part
 from faceposer.model.errors import InconsistentError
 from faceposer.model.expression_statistics import ExpressionStatistics
@@ -85,6 +86,9 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
     Raises:
         FacePoserError: If the file cannot be written, or could not be read again.
     """
+    check_finite(
+        Path(path), "character file", character.vertices, character.uv, character.shapes, character.shape_limits
+    )
     largest = float(np.abs(character.shapes).max(initial=0.0))
     step = max(_SHAPE_STEP, largest / 32767)
     meta: dict[str, Any] = {
@@ -98,7 +102,7 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
         "feature_points": dict(character.feature_points),
         "feature_titles": dict(character.feature_titles),
         "credits": character.credits,
-        "summary": dict(character.summary),
+        "summary": with_null(dict(character.summary)),
     }
     optional: dict[str, NDArray[Any]] = {}
     if character.statistics is not None:
@@ -108,7 +112,7 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
         meta["origin"], members = character.origin.as_members()
         optional |= {f"origin.{name}": array for name, array in members.items()}
     # Names of files may contain bytes that are not text, which no character set can encode.
-    text = json.dumps(meta, ensure_ascii=False, indent=1).encode("utf-8", "replace")
+    text = json_text(Path(path), meta, "character file", ascii_only=False).encode("utf-8", "replace")
     arrays: dict[str, NDArray[Any]] = {
         "meta": np.frombuffer(text, dtype=np.uint8),
         "vertices": character.vertices,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
 from faceposer.files.reading import open_file
+from faceposer.files.writing import check_finite
 from faceposer.model.coupling import independent
 from faceposer.model.errors import InconsistentError
 from faceposer.resources import asset_path
@@ -121,10 +122,16 @@ class ExpressionStatistics:
         return cls(**known)
 
     def save(self, path: Path) -> None:
-        """Write the statistics to ``path``, in single precision, the examples in half precision."""
+        """Write the statistics to ``path``, in single precision, the examples in half precision.
+
+        Raises:
+            FacePoserError: If a number is not finite in this precision, or the file cannot be written.
+        """
         arrays: dict[str, Any] = {name: getattr(self, name).astype(np.float32) for name in (*_ARRAYS, "coupling")}
         if self.examples is not None:
-            arrays["examples"] = self.examples.astype(np.float16)
+            with np.errstate(over="ignore"):
+                arrays["examples"] = self.examples.astype(np.float16)
+        check_finite(path, "file of statistics", *arrays.values())
         with atomic_file(path, "file of statistics") as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file,

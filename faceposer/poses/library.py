@@ -8,9 +8,8 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import write_text
 from faceposer.files.user_folders import data_folder
-from faceposer.poses.pose_file import Pose, pose_text, read_pose
+from faceposer.poses.pose_file import Pose, read_pose, write_pose
 from faceposer.resources import asset_path
 
 SUFFIX, PICTURE_SUFFIX = ".json", ".png"
@@ -114,7 +113,7 @@ class PoseLibrary:
         Raises:
             FacePoserError: If the file cannot be written.
         """
-        _write(path, pose_text(pose))
+        write_pose(path, pose)
         with suppress(OSError):
             path.with_suffix(PICTURE_SUFFIX).unlink(missing_ok=True)
 
@@ -128,7 +127,7 @@ class PoseLibrary:
         renamed = read_pose(path).renamed(name)
         target = self.path_of(name)
         if target == path or paths.same_file(target, path):
-            _write(path, pose_text(renamed))
+            write_pose(path, renamed)
             return path
         picture = path.with_suffix(PICTURE_SUFFIX)
         self.save(renamed, overwrite)
@@ -214,11 +213,3 @@ def _name_in(path: Path) -> str:
 
 def _key(name: str) -> str:
     return unicodedata.normalize("NFC", name).strip().casefold()
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FacePoserError(f"The pose '{path}' cannot be written: {error.strerror}.") from error
-    write_text(path, text, "pose")

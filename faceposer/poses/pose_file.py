@@ -1,6 +1,5 @@
 """Pose files: shape weights by name, which fit every character with these shapes (docs/poses.md)."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from msgspec import Meta
 
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonDocument, JsonError, check_header, convert, read_json
+from faceposer.files.writing import write_json
 
 FORMAT = "faceposer.pose"
 VERSION = 1
@@ -110,6 +110,14 @@ def read_pose(path: Path) -> Pose:
     return read_json(path, "pose", Pose.from_json)
 
 
-def pose_text(pose: Pose) -> str:
-    """Return the content of the file for ``pose``."""
-    return json.dumps(pose.to_json(), indent=1, ensure_ascii=False) + "\n"
+def write_pose(path: Path, pose: Pose) -> None:
+    """Write ``pose`` to ``path``, whose folder is created if necessary.
+
+    Raises:
+        FacePoserError: If a weight is not finite, or the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FacePoserError(f"The pose '{path}' cannot be written: {error.strerror}.") from error
+    write_json(path, pose.to_json(), "pose", ascii_only=False)

@@ -163,3 +163,9 @@ class AnimationController:
         if not self.auto_key:
             return document
         return replace(document, keyframes=keyframes.with_key(document.frame, pose), animated=unconstrained)
+
+    def as_opened(self, document: Document) -> Document:
+        """Return a ``document`` that is opened, with its present pose as one of the animation if it is that."""
+        if document.keyframes is None or document.coefficients is None:
+            return document
+        return self.with_auto_key(document)

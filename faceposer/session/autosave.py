@@ -6,7 +6,6 @@ leaves one.
 """
 
 import errno
-import json
 import math
 import os
 import secrets
@@ -22,9 +21,9 @@ from msgspec import Meta
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, JsonError, UnreadableError, check_header, convert, read_json
 from faceposer.files.user_folders import state_folder
+from faceposer.files.writing import write_json
 from faceposer.geometry.camera import Camera
 from faceposer.session.document import Document
 from faceposer.session.file_lock import FileLock, take_lock
@@ -122,7 +121,7 @@ class Journal:
         else:
             data = _to_json(session, unsaved, camera, self._now())
             # No fsync: it would stall the window, and the data outlives a killed program without it.
-            write_text(self._own_path(), json.dumps(data, allow_nan=False) + "\n", "journal", durable=False)
+            write_json(self._own_path(), data, "journal", indent=None, durable=False)
             self._written = (unsaved, session.path)
         self._due, self._not_before = math.inf, -math.inf
 
@@ -166,7 +165,8 @@ def _to_json(session: Session, document: Document, camera: Camera | None, now: d
         document = replace(document, coefficients=None)
     path = None if session.path is None else paths.absolute(session.path)
     character = Path(document.character)
-    if character.suffix.lower() == ".npz" and not (path is not None and paths.is_file(path.parent / character)):
+    beside = path is not None and paths.is_file(paths.folder_of(path) / character)
+    if character.suffix.lower() == ".npz" and not beside:
         # The path is relative to the current folder.
         document = replace(document, character=str(paths.absolute(paths.expand_user(character))))
     return {

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,17 +16,17 @@ from faceposer.errors import FacePoserError
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.paths import expand_user
+from faceposer.files.writing import json_text
 from faceposer.geometry.camera import Camera
-from faceposer.geometry.strokes import MOST_EFFORT, MOST_PIXELS
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import DegeneratePinsError, aligned, unaligned
 from faceposer.photo.photo import Photo, PhotosJson
 from faceposer.session.character_version import CharacterVersion, CharacterVersionJson
+from faceposer.session.effort import check_effort
 from faceposer.solve.constraints import codec
-from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
-from faceposer.solve.constraints.sketch import SketchConstraint, SketchMethod
-from faceposer.solve.constraints.stroke import StrokeConstraint
+from faceposer.solve.constraints.sketch import SketchMethod
+from faceposer.solve.constraints.stroke import MOST_PICKED, StrokeConstraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import SPREAD
 
@@ -35,7 +34,9 @@ FORMAT = "faceposer.session"
 VERSION = 1
 _MAX_BYTES = 64 * 2**20
 _MAX_PRIOR_WEIGHT = 1000.0
-_MAX_CONSTRAINTS, _MAX_DRAWN = 2_000, 500
+_MAX_CONSTRAINTS = 2_000
+# Maximum number of pixels at which the sources of all strokes are picked.
+_MOST_PICKED_TOGETHER = 400_000
 # A list of numbers over several lines, as the indented output has it.
 _NUMBERS = re.compile(r"\[\s+([-+.eE\d]+(?:,\s+[-+.eE\d]+)*)\s+\]")
 
@@ -121,6 +122,10 @@ class Document:
     def with_constraint(self, index: int, constraint: Constraint) -> "Document":
         """Return the document with constraint ``index`` replaced."""
         return replace(self, constraints=(*self.constraints[:index], constraint, *self.constraints[index + 1 :]))
+
+    def without_constraints(self, indices: set[int]) -> "Document":
+        """Return the document without the constraints ``indices``."""
+        return replace(self, constraints=tuple(c for i, c in enumerate(self.constraints) if i not in indices))
 
     def same_input(self, other: "Document") -> bool:
         """Return True if both hold the same work: the same face, photos, contact and animation, at any frame."""
@@ -231,7 +236,7 @@ class Document:
             contact=form.contact,
             sketch_method=form.sketch_method,
         )
-        _check_effort(document.constraints)
+        check_effort(document.constraints)
         if form.start is not UNSET:
             document = document.with_start(form.start)
         if form.coefficients is not UNSET:
@@ -263,10 +268,15 @@ class Document:
                     "coefficients; remove the key to start from the neutral face."
                 )
         start = model.neutral() if self.start is None else self.start
-        constraints = []
+        strokes = sum(isinstance(constraint, StrokeConstraint) for constraint in self.constraints)
+        most = min(MOST_PICKED, _MOST_PICKED_TOGETHER // max(strokes, 1))
+        constraints: list[Constraint] = []
         for i, constraint in enumerate(self.constraints):
             try:
-                constraints.append(constraint.resolved(model, start))
+                if isinstance(constraint, StrokeConstraint):
+                    constraints.append(constraint.resolved(model, start, most))
+                else:
+                    constraints.append(constraint.resolved(model, start))
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
         photos = tuple(photo if photo.camera is not None else _aligned(photo, model, start) for photo in self.photos)
@@ -279,15 +289,6 @@ def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo
     except DegeneratePinsError:
         # The session opens, so that the pins can be moved.
         return unaligned(photo, model)
-
-
-def _check_effort(constraints: Sequence[Constraint]) -> None:
-    """Raise a FacePoserError if strokes, curves and sketches are too many, or cover too many pixels, to be solved."""
-    drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint | SketchConstraint) for c in constraints)
-    if drawn > _MAX_DRAWN:
-        raise FacePoserError(f"constraints has {drawn} strokes, curves and sketches; there may be {_MAX_DRAWN}.")
-    if sum(c.effort for c in constraints if isinstance(c, StrokeConstraint)) > MOST_EFFORT:
-        raise FacePoserError(f"the strokes of constraints must not cover more than {MOST_PIXELS} pixels together.")
 
 
 def absolute_character(character: str, folder: Path) -> str:
@@ -368,10 +369,7 @@ def write_document(path: Path, document: Document) -> str:
     Raises:
         FacePoserError: If the file cannot be written, or could not be opened again.
     """
-    try:
-        text = json.dumps(document.to_json(), indent=1, allow_nan=False)
-    except ValueError as error:
-        raise FacePoserError(f"The session '{path}' cannot be written: a number in it is not finite.") from error
+    text = json_text(path, document.to_json(), "session")
     text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text) + "\n"
     try:
         Document.from_json(json.loads(text))

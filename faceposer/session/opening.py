@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from faceposer.errors import FacePoserError, MissingCharacterError
-from faceposer.files.paths import expand_user
+from faceposer.files.paths import expand_user, folder_of
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.photo.photo import absolute_path
@@ -80,7 +80,7 @@ def session_for(
     Raises:
         FacePoserError: If the character cannot be found or read, or if the document does not fit it.
     """
-    folder = Path() if path is None else path.parent
+    folder = Path() if path is None else folder_of(path)
     character = absolute_character(document.character, folder)
     photos = tuple(replace(photo, path=absolute_path(photo.path, folder)) for photo in document.photos)
     try:

@@ -1,17 +1,38 @@
-"""JSON reports of a solve and of recognised strokes."""
+"""Errors of the constraints at a pose, and JSON reports of a solve and of recognised strokes."""
 
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
 from faceposer.sketch.recognition import Recognition
+from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution
-from faceposer.solve.weight_fit import fit_weights
+
+
+class Residuals:
+    """Errors of constraints in pixels, computed once per revision of a session."""
+
+    def __init__(self) -> None:
+        self._found: tuple[int, tuple[float, ...]] | None = None
+
+    def at(
+        self, revision: int, model: FaceModel, constraints: Sequence[Constraint], pose: NDArray[np.float64]
+    ) -> tuple[float, ...]:
+        """Return the error of each constraint at the ``pose`` of ``revision``, shape (r,)."""
+        if self._found is None or self._found[0] != revision:
+            self._found = (revision, tuple(constraint.residual_px(model, pose) for constraint in constraints))
+        return self._found[1]
 
 
 def solve_report(model: FaceModel, document: Document, solution: Solution) -> dict[str, Any]:
     """Return the report of ``solution`` for ``document``, ready for JSON (docs/session-format.md)."""
+    # SciPy's optimisers are slow to import, and sessions are opened at the start of the window.
+    from faceposer.solve.weight_fit import fit_weights
+
     return {
         "energy": solution.energy,
         "iterations": solution.iterations,

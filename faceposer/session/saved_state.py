@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from faceposer.files import paths
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document, path_from, portable_character, write_document
@@ -21,10 +22,6 @@ class SavedState:
         """Return True if saving ``document`` would change the content of its file."""
         return self._document is None or not document.same_input(self._document)
 
-    def mark_saved(self, document: Document) -> None:
-        """Record ``document`` as the content of the file."""
-        self._document = document
-
     def mark_unsaved(self) -> None:
         """Treat every document as changed until the next save."""
         self._document = None
@@ -35,7 +32,7 @@ class SavedState:
         return content is not None and content != self._content
 
     def save(self, document: Document, path: Path, model: FaceModel, camera: Camera | None = None) -> None:
-        """Write ``document`` to ``path``, with paths relative to its folder where possible, and record it as saved.
+        """Write ``document`` to ``path`` and record it as saved; its paths are relative to its folder where possible.
 
         Args:
             document: Document to save.
@@ -46,10 +43,11 @@ class SavedState:
         Raises:
             FacePoserError: If the file cannot be written.
         """
+        folder = paths.folder_of(path)
         written = replace(
             document,
-            character=portable_character(document.character, path.parent),
-            photos=tuple(replace(photo, path=path_from(photo.path, path.parent)) for photo in document.photos),
+            character=portable_character(document.character, folder),
+            photos=tuple(replace(photo, path=path_from(photo.path, folder)) for photo in document.photos),
             camera=document.camera if camera is None else camera,
         )
         self._content = content_of_text(write_document(path, written.with_version_data(model)))

@@ -19,6 +19,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.session.animating import AnimationController
 from faceposer.session.document import Document
 from faceposer.session.history import History
+from faceposer.session.report import Residuals
 from faceposer.session.saved_state import SavedState
 from faceposer.session.solver_worker import InlineWorker, SolveRequest, Worker
 from faceposer.solve.constraints.registry import Constraint
@@ -61,27 +62,22 @@ class Session:
         Raises:
             FacePoserError: If the document does not fit the model.
         """
-        document = document.resolved(model)
         self.model = model
         self.worker: Worker = InlineWorker() if worker is None else worker
         self.path = path
         self.remark = remark
         self.solution: Solution | None = None
         self._failure: SolveError | None = None
-        self.revision = 0
-        self.epoch = 0
+        self.revision = self.epoch = 0
         self._mode: Mode = "live"
-        self._document = document
+        self._document = document.resolved(model)
+        self.animation = AnimationController(self)
+        self._document = document = self.animation.as_opened(self._document)
         self._history = History(document)
         self._saved = SavedState(document, content)
         self._editing = False
         self._before_edit = document
-        self._residuals: tuple[int, tuple[float, ...]] | None = None
-        self.animation = AnimationController(self)
-        if document.keyframes is not None and document.solved and document.coefficients is not None:
-            self._document = self.animation.with_auto_key(document)
-            self._saved.mark_saved(self._document)
-            self._history.replace_head(self._document)
+        self._residuals = Residuals()
         if document.constraints and document.coefficients is None:
             self._document = replace(document, solved=False)
             self._submit(warm_start=False)
@@ -107,11 +103,7 @@ class Session:
     @property
     def residuals_px(self) -> tuple[float, ...]:
         """Error of each constraint at the current pose, in pixels of its camera."""
-        if self._residuals is None or self._residuals[0] != self.revision:
-            pose = self.coefficients
-            residuals = tuple(c.residual_px(self.model, pose) for c in self._document.constraints)
-            self._residuals = (self.revision, residuals)
-        return self._residuals[1]
+        return self._residuals.at(self.revision, self.model, self._document.constraints, self.coefficients)
 
     @property
     def dirty(self) -> bool:
@@ -226,9 +218,8 @@ class Session:
 
     def remove_constraints(self, indices: set[int], label: str) -> None:
         """Remove the constraints ``indices`` as one step; without constraints, the face returns to its start pose."""
-        kept = tuple(c for i, c in enumerate(self._document.constraints) if i not in indices)
         with self.edit(label):
-            self.replace(replace(self._document, constraints=kept))
+            self.replace(self._document.without_constraints(indices))
 
     def set_prior_weight(self, weight: float) -> None:
         """Change the weight of the prior, inside the open edit or as one step."""
@@ -348,10 +339,8 @@ class Session:
             self._submit()
 
     def _submit(self, warm_start: bool = True) -> None:
-        job = SolveRequest(
-            self.epoch, self.revision, self.model, self._document, self.coefficients if warm_start else None
-        )
-        self.worker.submit(job)
+        start = self.coefficients if warm_start else None
+        self.worker.submit(SolveRequest(self.epoch, self.revision, self.model, self._document, start))
 
     def poll(self) -> bool:
         """Accept the result of the worker, if any; return True if the pose changed.

@@ -8,27 +8,30 @@ from faceposer.session.session import Session
 from faceposer.session.sketching import drawn_strokes, session_sketcher, sketch_of
 from faceposer.sketch.combining import combined
 from faceposer.sketch.recognition import DrawnStroke, Recognition
-from faceposer.sketch.sketcher import DEFAULT_RECOGNITION
 from faceposer.solve.constraints.sketch import SketchConstraint
 
 
 def add_stroke(
-    session: Session, stroke: DrawnStroke, recognition: str = DEFAULT_RECOGNITION, weight: float = 1.0
+    session: Session, stroke: DrawnStroke, recognition: str | None = None, weight: float = 1.0
 ) -> tuple[Recognition, SketchConstraint | None]:
     """Recognise ``stroke`` and add it to the constraints, as one step.
 
     Args:
         session: The session; its pose and sketches are taken into account.
         stroke: The stroke; if it has a feature, only the points of that are matched.
-        recognition: Name of the method of recognition, one of ``RECOGNISERS``.
+        recognition: Name of the method of recognition, one of ``RECOGNISERS``; the default if None.
         weight: Weight of the constraint.
 
     Returns:
         The recognition, and the constraint; None if no feature was recognised, and nothing has changed.
     """
+    # Imported late: it loads all that recognises.
+    from faceposer.sketch.sketcher import DEFAULT_RECOGNITION
+
     model, document = session.model, session.document
+    method = DEFAULT_RECOGNITION if recognition is None else recognition
     found = session_sketcher(model).recognise(
-        stroke, session.coefficients, drawn_strokes(document), stroke.feature, recognition
+        stroke, session.coefficients, drawn_strokes(document), stroke.feature, method
     )
     # A feature that was given need not be probable.
     best = found.best if stroke.feature is None else next(iter(found.candidates), None)
@@ -46,7 +49,7 @@ def add_stroke(
 def add_strokes(
     session: Session,
     strokes: Sequence[DrawnStroke],
-    recognition: str = DEFAULT_RECOGNITION,
+    recognition: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Recognition, ...]:
     """Recognise ``strokes`` and add them to the constraints one by one; the face follows after each.

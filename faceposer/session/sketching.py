@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,13 @@ from faceposer.poses.applying import weights_on
 from faceposer.poses.library import starter_poses
 from faceposer.session.document import Document
 from faceposer.sketch.recognition import Candidate, DrawnStroke
-from faceposer.sketch.sketcher import Sketcher, sketcher_of
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.solve.problem import PoseProblem
+
+if TYPE_CHECKING:
+    from faceposer.sketch.sketcher import Sketcher
 
 Array = NDArray[np.float64]
 
@@ -30,11 +33,14 @@ class _Matched:
 
 
 @lru_cache(maxsize=4)
-def session_sketcher(model: FaceModel) -> Sketcher:
+def session_sketcher(model: FaceModel) -> "Sketcher":
     """Return the sketcher of ``model``, which learns from the poses of the program's library, among others.
 
     The user's own poses are left out, so that strokes are recognised alike on every computer.
     """
+    # Imported late to shorten the start of the window.
+    from faceposer.sketch.sketcher import sketcher_of
+
     return sketcher_of(model, library_poses(model))
 
 

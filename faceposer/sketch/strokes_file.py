@@ -20,7 +20,7 @@ from faceposer.solve.constraints.sketch import MOST_STROKE_POINTS
 FORMAT = "faceposer.strokes"
 VERSION = 1
 #: Largest number of strokes of a file.
-MOST_STROKES = 500
+MOST_STROKES = 200
 _MAX_BYTES = 64 * 2**20
 
 

@@ -11,8 +11,7 @@ from faceposer.solve.problem import PoseProblem, gather_points
 from faceposer.solve.reach import reach_of_rows
 from faceposer.solve.term import Array, PoseState
 
-# Residual in pixels above which a constraint is unmet, and the least share of the opposing force of an opponent.
-NOTABLE_PX = 5.0
+# Least share of the opposing force of an opponent.
 _SHARE = 0.35
 # Share of a point's residual lying beyond its reach, above which the reach is taken for the cause.
 _BEYOND = 0.5
@@ -45,7 +44,7 @@ def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
     residuals = problem.residuals_px(pose)
     constraints = problem.constraints
     active = [i for i, c in enumerate(constraints) if c.enabled and c.weight > 0]
-    unmet = [i for i in active if residuals[i] > NOTABLE_PX]
+    unmet = [i for i in active if residuals[i] > constraints[i].notable_px]
     if not unmet:
         return []
     anchored, slots = gather_points(problem.model, constraints)

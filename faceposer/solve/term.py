@@ -87,9 +87,13 @@ class PoseState:
 
         Reverse mode: the Jacobian of the pixels is never formed. ``indices`` must not repeat.
         """
-        by_point = np.zeros((len(self._anchored.neutral), 3))
-        by_point[indices] = np.einsum("ni,nij->nj", by_pixel, self._projection[1][indices])
-        gradient: Array = by_point.ravel() @ self._anchored.rows
+        if not len(indices):
+            return np.zeros(self._anchored.rows.shape[1])
+        # Points of a term lie together, so that the time does not depend on those of other terms.
+        first, last = int(indices.min()), int(indices.max())
+        by_point = np.zeros((last - first + 1, 3))
+        by_point[indices - first] = np.einsum("ni,nij->nj", by_pixel, self._projection[1][indices])
+        gradient: Array = by_point.ravel() @ self._anchored.rows[3 * first : 3 * last + 3]
         return gradient
 
 

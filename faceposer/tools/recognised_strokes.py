@@ -43,10 +43,10 @@ class RecognisedStrokes:
         while len(self._known) > _MOST_STROKES:
             self._known.popitem(last=False)
 
-    def candidates(self, sketch: SketchConstraint) -> tuple[Candidate, ...]:
-        """Return the candidates of the stroke of ``sketch``, the most probable first; none if it is not known."""
+    def candidates(self, sketch: SketchConstraint) -> tuple[Candidate, ...] | None:
+        """Return the candidates of the stroke of ``sketch``, the most probable first, or None if it is not known."""
         known = self._known.get(_key(sketch))
-        return () if known is None else known.candidates
+        return None if known is None else known.candidates
 
     def replaced(self, sketch: SketchConstraint) -> tuple[SketchConstraint, ...]:
         """Return the sketches that ``sketch`` has replaced as the feature that it depicts."""

@@ -92,7 +92,7 @@ def with_feature(
 
 
 def prepare_recognition(model: FaceModel) -> None:
-    """Fit the recogniser of ``model`` and use it once, then fit the paper's pose, so that no stroke waits for them."""
+    """Fit the recogniser of ``model``, and use it once: later strokes do not wait for what is made when needed."""
     character = model.character
     camera = face_view(character).camera((800, 800))
     for curves in feature_curves(character).values():
@@ -101,8 +101,7 @@ def prepare_recognition(model: FaceModel) -> None:
         best = session_sketcher(model).recognise(stroke, model.neutral()).best
         if best is not None:
             sketch_of(stroke, best).resolved(model, model.neutral())
-            break
-    _ = session_sketcher(model).paper
+            return
 
 
 def drawable_features(character: Character) -> list[str]:

@@ -13,7 +13,6 @@ from faceposer.session.sketching import session_sketcher, sketch_of
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
-from faceposer.tools.point_tool import CLICK_THRESHOLD
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
 from faceposer.tools.sketch_edits import (
     depicting,
@@ -36,8 +35,8 @@ Box = tuple[float, float, float, float]
 UNNAMED = -1
 #: Message on a stroke that depicts no feature.
 UNRECOGNISED = "No feature recognised: nothing has changed"
-# In pixels at normal density: reach of strokes, length of the shortest stroke, and of the shortest that is previewed.
-_REACH, _SHORTEST, _PREVIEWED = 7.0, 14.0, 30.0
+# In pixels at normal density: reach of strokes, extent of the largest click, length from which a stroke is previewed.
+_REACH, _CLICK, _PREVIEWED = 7.0, 6.0, 30.0
 # Extent around the features, as a share of theirs, in which a press begins a stroke.
 _AROUND = 0.25
 # Seconds that the recognition of an unfinished stroke may take, and its largest share of the time of drawing.
@@ -127,7 +126,8 @@ class SketchTool(PosingTool):
             return False
         index = self.sketch_at(event.position, context)
         if "shift" in event.modifiers:
-            return index is not None and not context.session.document.constraints[index].locked
+            sketch = None if index is None else context.session.document.constraints[index]
+            return isinstance(sketch, SketchConstraint) and not sketch.locked and _drawn_in(sketch, context)
         on_mark = index is not None or self.unnamed_at(event.position, context)
         return on_mark or self.works_at(event.position, context)
 
@@ -162,12 +162,10 @@ class SketchTool(PosingTool):
                     previewed = time.perf_counter()
         finally:
             self.drawing = self.preview = None
-        if max(math.dist(path[0], position) for position in path) < CLICK_THRESHOLD * context.ui_scale:
+        if max(math.dist(path[0], position) for position in path) < _CLICK * context.ui_scale:
             self._click(path[0], context)
             return
         self.unnamed = None
-        if _length(path) < _SHORTEST * context.ui_scale:
-            return
         self.waiting = DrawnStroke(smoothed(path), camera)
         self.advance(context)
 
@@ -273,11 +271,12 @@ class SketchTool(PosingTool):
         """Return the features that sketch ``index`` may depict, the most probable first, from its recognition."""
         sketch = context.session.document.constraints[index]
         assert isinstance(sketch, SketchConstraint)
-        found = self.known.candidates(sketch)
-        if not found and not self.preparing():
-            # Drawn in another session: recognised again, without what it was taken for.
-            _, found = self._candidates(drawn_stroke(sketch), context, without=index)
-            self.known.remember(sketch, found, ())
+        known = self.known.candidates(sketch)
+        if known is not None or self.preparing():
+            return known or ()
+        # Drawn in another session: recognised again, without what it was taken for.
+        _, found = self._candidates(drawn_stroke(sketch), context, without=index)
+        self.known.remember(sketch, found, ())
         return found
 
     def choose_next(self, index: int, context: ToolContext) -> bool:
@@ -375,6 +374,11 @@ class SketchTool(PosingTool):
         if self.unnamed is not None:
             return f"{UNRECOGNISED}   ·   draw it again, or click the stroke to name it   ·   Esc: discard it"
         return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the face: orbit"
+
+
+def _drawn_in(sketch: SketchConstraint, context: ToolContext) -> bool:
+    """Return True if the view is the one in which ``sketch`` was drawn."""
+    return sketch.camera.same_viewpoint(context.camera)
 
 
 def _inside(box: Box | None, position: Pixel) -> bool:

@@ -5,9 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.geometry.strokes import smoothed, stroke_pixels
+from faceposer.geometry.strokes import MOST_PIXELS, smoothed, stroke_pixels
+from faceposer.session.document import Document
+from faceposer.session.effort import check_effort
 from faceposer.solve.constraints.stroke import WIDEST, Pixels, StrokeConstraint, as_pixels
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
@@ -104,10 +107,15 @@ class StrokeTool(PosingTool):
             self.drawing = None
         shape = self._settings.options.shape
         line = smoothed(path, closed=shape != "line")
-        if self.draws_target:
-            self._finish(as_pixels(line), width, context)
+        target = as_pixels(line) if self.draws_target else None
+        try:
+            pixels = stroke_pixels(line if target is None else target, width, shape)
+        except ValueError:
+            context.notify(f"The stroke is not kept: it covers more than {MOST_PIXELS / 1e6:g} million pixels")
             return
-        pixels = stroke_pixels(line, width, shape)
+        if target is not None:
+            self._finish(target, width, context)
+            return
         points, met = context.pick_many(pixels[:: len(pixels) // _MOST_PIXELS + 1])
         if met.any():
             self.source = SourceStroke(points, width)
@@ -123,11 +131,6 @@ class StrokeTool(PosingTool):
         document = session.document
         redrawn, source = self.redrawn, self.source
         self.redrawn = self.source = None
-        try:
-            stroke_pixels(target, width, options.shape)
-        except ValueError:
-            # It covers more pixels than a session may have.
-            return
         if redrawn is not None:
             found = [
                 (i, c)
@@ -138,17 +141,25 @@ class StrokeTool(PosingTool):
                 return
             index, old = found[0]
             stroke = replace(old, target=target, width=width, camera=context.camera, shape=options.shape)
-            with session.edit("Redraw a target"):
-                document = document.with_constraint(index, stroke)
-                session.replace(Mirroring(self._settings.symmetry, session).with_images(document, [index]))
-            self._settings.selection.set(index)
+            self._keep(document.with_constraint(index, stroke), index, "Redraw a target", context)
         elif source is not None:
             stroke = StrokeConstraint(source.points, target, width, context.camera, options.shape, options.energy)
             index = len(document.constraints)
-            with session.edit("Draw a stroke"):
-                document = replace(document, constraints=(*document.constraints, stroke))
-                session.replace(Mirroring(self._settings.symmetry, session).with_images(document, [index]))
-            self._settings.selection.set(index)
+            document = replace(document, constraints=(*document.constraints, stroke))
+            self._keep(document, index, "Draw a stroke", context)
+
+    def _keep(self, document: Document, index: int, label: str, context: ToolContext) -> None:
+        """Make ``document``, with the new stroke ``index`` and its mirror image, one step; or say why it cannot be."""
+        session = context.session
+        document = Mirroring(self._settings.symmetry, session).with_images(document, [index])
+        try:
+            check_effort(document.constraints)
+        except FacePoserError:
+            context.notify("The stroke is not kept: the session has too many strokes, or they cover too many pixels")
+            return
+        with session.edit(label):
+            session.replace(document)
+        self._settings.selection.set(index)
 
     def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Move a target by the motion of the pointer."""

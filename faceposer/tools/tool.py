@@ -102,6 +102,10 @@ class ToolContext(Protocol):
         """Return a mask of the ``points`` that are hidden by the face, shape (n,)."""
         ...
 
+    def notify(self, text: str) -> None:
+        """Show ``text`` to the user for a few seconds."""
+        ...
+
 
 class Tool(Protocol):
     """A translation of one kind of gesture into edits."""

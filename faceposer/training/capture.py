@@ -22,6 +22,7 @@ from faceposer.files.sample_times import Frames, frames_at, frames_in_order, fra
 from faceposer.files.tables import Row, decimal_number, decimal_numbers, open_table
 from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, numbers_of, shown_heading, times_of
 from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
 
 Array = NDArray[np.float64]
@@ -42,6 +43,8 @@ _FACE_CAP_TIME = "time (ms)"
 _LONGEST_PREAMBLE = 12
 _RATE = re.compile(r"\W*(?:fps|(?:frame|sample)?[ _-]?rate|frames[ _-]?per[ _-]?second)\W*(?:hz)?\W*", re.IGNORECASE)
 _FASTEST = 1000.0
+# Cells of a line in which the face was lost.
+_NO_VALUE = ("", "nan", "null", "none", "-")
 #: Two-sided shapes that some apps split into sides; their mean is used.
 _SPLIT = ("browInnerUp", "cheekPuff")
 
@@ -165,7 +168,7 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
     else:
         header, rate = _header(first, lines, path)
         rows = lines
-    columns = _columns(header, path)
+    columns, spelling = _columns(header, path)
     reader = _FrameReader(header, columns, path)
     frames: list[NDArray[np.float64]] = []
     seen: list[bool] = []
@@ -187,7 +190,7 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
         raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
     heading = "" if clock is None else header[clock]
     weights, notes = reader.in_range(np.array(frames))
-    return Capture(tuple(columns), weights, Clock(np.array(seen), heading, tuple(times), rate), notes)
+    return Capture(tuple(columns), weights, Clock(np.array(seen), heading, tuple(times), rate), (*spelling, *notes))
 
 
 def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[str], float | None]:
@@ -196,7 +199,7 @@ def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[st
     cells = first
     for _ in range(_LONGEST_PREAMBLE):
         header = [cell.strip() for cell in cells]
-        if any(_channel(name) for name in header):
+        if any(canonical_shape(name) for name in header) or match_with_ties(header).shapes:
             return header, rate
         rate = rate or _stated_rate(header)
         following = next(lines, None)
@@ -260,23 +263,32 @@ def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
     return ["k", _FACE_CAP_TIME, *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
 
 
-def _columns(header: list[str], path: Path) -> dict[str, list[int]]:
-    """Return the columns of each shape, in ARKit's order: one, or two for a split shape."""
+def _columns(header: list[str], path: Path) -> tuple[dict[str, list[int]], tuple[str, ...]]:
+    """Return the columns of each shape, in ARKit's order: one, or two for a split shape; and notes on their names."""
+    match = match_with_ties(header)
+    shapes = match.shapes | {name: shape for shape, names in match.ties.items() for name in names}
     found: defaultdict[str, list[int]] = defaultdict(list)
     for column, name in enumerate(header):
-        shape = _channel(name)
-        if shape is not None:
-            found[shape].append(column)
+        if name in shapes:
+            found[whole_shape_of(shapes[name])].append(column)
+    notes = [match.note] if match.note else []
+    for shape in _SPLIT:
+        whole = [column for column in found[shape] if shapes[header[column]] == shape]
+        if whole and len(whole) < len(found[shape]):
+            notes.append(f"The halves of {shape} are not used, since the whole is in column '{header[whole[0]][:60]}'.")
+            found[shape] = whole
+    found = defaultdict(list, {shape: columns for shape, columns in found.items() if columns})
     for shape, columns in found.items():
         names = {header[column].lower() for column in columns}
         if len(names) < len(columns) or len(columns) > (2 if shape in _SPLIT else 1):
-            listed = ", ".join(header[column] for column in columns)
+            listed = ", ".join(header[column][:60] for column in columns[:4])
             raise FacePoserError(f"'{path}' has {len(columns)} columns for {shape} ({listed}); keep one.")
     if not found:
         raise FacePoserError(
             f"'{path}' names no shape such as jawOpen or eyeBlink_L; export it with the names of its shapes."
         )
-    return {shape: found[shape] for shape in ARKIT_SHAPES if shape in found}
+    ordered = {shape: found[shape] for shape in ARKIT_SHAPES if shape in found}
+    return ordered, tuple(notes)
 
 
 class _FrameReader:
@@ -293,7 +305,8 @@ class _FrameReader:
     def frame(self, cells: list[str], number: int) -> Array | None:
         """Return the weights of the line ``number``, shape (S,), or None if the face was lost."""
         header, path = self._header, self._path
-        if all(column >= len(cells) or not cells[column].strip() for column in self._used):
+        lost = _NO_VALUE if len(self._used) > 1 else ("",)
+        if all(column >= len(cells) or cells[column].strip().lower() in lost for column in self._used):
             return None
         if len(cells) < len(header) or any(cell.strip() for cell in cells[len(header) :]):
             commas = " (decimal commas need another separator)" if len(cells) > len(header) else ""
@@ -340,12 +353,6 @@ def _no_weight(cell: str, name: str, path: Path, number: int) -> FacePoserError:
         f"Line {number} of '{path}' has '{cell.strip()[:20]}' in column {name}, which is not a weight from 0 to 1; "
         "fix or delete the line."
     )
-
-
-def _channel(name: str) -> str | None:
-    """Return the ARKit shape of a column, or None."""
-    shape = canonical_shape(name)
-    return None if shape is None else whole_shape_of(shape)
 
 
 def missing_shapes(captures: Iterable[Capture]) -> tuple[str, ...]:

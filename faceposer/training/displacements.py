@@ -44,12 +44,15 @@ class DisplacementCheck:
         return f"The displacements are about {inverse:g} times those of a face and were multiplied by {self.factor:g}."
 
 
-def check_displacements(named: Mapping[str, NDArray[np.float32]], centimetres: float) -> DisplacementCheck:
+def check_displacements(
+    named: Mapping[str, NDArray[np.float32]], centimetres: float, rescale: bool = True
+) -> DisplacementCheck:
     """Compare the displacements of shapes with those of the built-in man.
 
     Args:
         named: Offsets, shape (N, 3), by ARKit's names.
         centimetres: Centimetres per unit of the offsets, from the size of the face.
+        rescale: False for offsets that are known to be in the unit of the face.
     """
     usual = _usual_sizes()
     sizes = {
@@ -61,7 +64,7 @@ def check_displacements(named: Mapping[str, NDArray[np.float32]], centimetres: f
     typical = float(np.median(ratios))
     largest = max(sizes, key=lambda name: sizes[name])
     factor = 1.0
-    if not _TOO_SMALL <= typical <= _TOO_LARGE:
+    if rescale and not _TOO_SMALL <= typical <= _TOO_LARGE:
         unit = next((unit for unit in _UNITS if 1.0 / _TOLERANCE < typical / unit < _TOLERANCE), None)
         if unit is None:
             return DisplacementCheck(1.0, largest, sizes[largest])

@@ -34,6 +34,8 @@ class TrainingRequest:
         n_factors: Number of factors of each, chosen by cross-validation if None.
         scheduler: Address of a Dask scheduler.
         credits: Source and licence of the character.
+        align_shapes: False to read the shapes of a rig where and in the unit in which they are stored.
+        weights_range: Full weight of an avatar's expressions, 1 or 100; None to infer it.
     """
 
     kind: Kind
@@ -50,6 +52,8 @@ class TrainingRequest:
     n_factors: int | None = None
     scheduler: str | None = None
     credits: str = ""
+    align_shapes: bool = True
+    weights_range: float | None = None
 
 
 def train(request: TrainingRequest, progress: Progress | None = None) -> Character:
@@ -70,6 +74,8 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Charact
             request.n_components,
             request.n_factors,
             request.credits,
+            request.align_shapes,
+            request.weights_range,
         )
         return character_from_rig(request.source, options, progress)
     if request.captures:

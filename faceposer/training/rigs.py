@@ -52,6 +52,8 @@ class RigOptions:
         n_components: Number of factor analyzers, chosen by cross-validation on takes if None.
         n_factors: Number of factors of each, chosen likewise if None.
         credits: Source and licence of the character.
+        align_shapes: False to read shapes where and in the unit in which they are stored.
+        weights_range: Full weight of an avatar's expressions, 1 or 100; None to infer it.
     """
 
     name: str
@@ -61,6 +63,8 @@ class RigOptions:
     n_components: int | None = None
     n_factors: int | None = None
     credits: str = ""
+    align_shapes: bool = True
+    weights_range: float | None = None
 
 
 def character_from_rig(path: Path, options: RigOptions, progress: Progress | None = None) -> Character:
@@ -71,7 +75,8 @@ def character_from_rig(path: Path, options: RigOptions, progress: Progress | Non
     """
     progress = progress or Progress()
     progress.at("Reading the rig")
-    return character_from_morphs(read_rig(path, options.neutral), str(path), options, progress)
+    rig = read_rig(path, options.neutral, options.align_shapes, options.weights_range)
+    return character_from_morphs(rig, str(path), options, progress)
 
 
 def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, progress: Progress) -> Character:
@@ -99,7 +104,7 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
             "brows, eyes and mouth, or train from it with --examples."
         )
     upright, exchanged = found
-    check = check_displacements(named, float(upright.scale))
+    check = check_displacements(named, float(upright.scale), options.align_shapes)
     if check.implausible:
         raise FacePoserError(
             f"The shape {check.implausible} of the rig '{source}' moves vertices by {check.size:.2g} cm, which no face "

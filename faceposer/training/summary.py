@@ -1,12 +1,12 @@
 """Summaries of characters and their training as text, JSON and plots."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import atomic_file, write_text
+from faceposer.files.atomic import atomic_file
+from faceposer.files.writing import with_null, write_json
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.name_matching import match_with_ties
@@ -33,7 +33,7 @@ def description_of(character: Character) -> dict[str, Any]:
         "textures": sorted(character.textures),
         "statistics": "own" if character.statistics is not None else "shipped",
         "file_vertices": len(character.origin.neutral) if character.origin else len(character.vertices),
-        "summary": dict(character.summary),
+        "summary": with_null(dict(character.summary)),
     }
 
 
@@ -162,8 +162,7 @@ def write_summary(folder: Path, character: Character) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(f"The summary cannot be written to '{folder}': {error.strerror}.") from error
-    text = json.dumps(description_of(character), indent=1, ensure_ascii=False)
-    write_text(folder / "summary.json", text + "\n", "summary")
+    write_json(folder / "summary.json", description_of(character), "summary", ascii_only=False)
     _plot(folder / "summary.png", character)
 
 

@@ -22,6 +22,7 @@ from faceposer.files.json_documents import (
     read_json,
     shown,
 )
+from faceposer.files.writing import write_json
 from faceposer.model.character import Character
 
 FORMAT = "faceposer.pairs"
@@ -146,6 +147,15 @@ def pairs_to_json(pairs: Sequence[Pair]) -> dict[str, Any]:
             entry["enabled"] = False
         entries.append(entry)
     return {"format": FORMAT, "version": VERSION, "pairs": entries}
+
+
+def write_pairs(path: Path, pairs: Sequence[Pair]) -> None:
+    """Write ``pairs`` to the file ``path``.
+
+    Raises:
+        FacePoserError: If a weight is not finite, or the file cannot be written.
+    """
+    write_json(path, pairs_to_json(pairs), "list of pairs")
 
 
 class _PairJson(JsonObject, kw_only=True):

@@ -19,7 +19,7 @@ from faceposer.interchange.weights_json import write_weights
 from faceposer.model.character_file import save_character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
-from faceposer.poses.pose_file import Pose, pose_text
+from faceposer.poses.pose_file import Pose
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import load_model
 
@@ -98,9 +98,9 @@ def _files(folder: Path, model: FaceModel) -> dict[str, dict[str, Any]]:
             }
         },
         "pose": {
-            "pose.json": pose_text(
-                Pose("Smile", {"jawOpen": 0.5, "mouthSmileLeft": 0.7}, "low", ("expression",), "A note")
-            ).encode()
+            "pose.json": Pose(
+                "Smile", {"jawOpen": 0.5, "mouthSmileLeft": 0.7}, "low", ("expression",), "A note"
+            ).to_json()
         },
         "weights": {"weights.json": None},
         "live link": {"live.csv": None},

@@ -72,6 +72,8 @@ def problems_of(case: Case, ended: Ended, before: set[str]) -> list[str]:
         wrong.append(f"{ended.seconds:.0f} s")
     if ended.status and case.old and case.output.read_bytes() != _OLD:
         wrong.append("the old file is not whole")
+    if case.name.startswith("link") and not case.output.is_symlink():
+        wrong.append("the link has been replaced")
     after = _names(case.output.parent)
     left = {name for name in after - before if ended.status != 0 or name.startswith(".")}
     if case.condition.output:
@@ -108,6 +110,13 @@ def command_cases(root: Path, commands: tuple[Command, ...], disk: Path | None) 
         (open_ / f"circle{end}").symlink_to(f"circle{end}")
         os.mkfifo(open_ / f"pipe{end}")
         (open_ / f"device{end}").symlink_to("/dev/full")
+        links = {"nowhere": f"gone{end}", "to-folder": f"folder{end}", "to-closed": f"../read-only/old{end}"}
+        for name, target in {**links, "to-file": f"../behind{end}"}.items():
+            (open_ / f"{name}{end}").symlink_to(target)
+        if end:
+            (place / f"behind{end}").write_bytes(_OLD)
+        else:
+            (place / "behind").mkdir()
         yield Case("read-only folder", command, closed / f"new{end}")
         if end:
             yield Case("read-only folder, old file", command, closed / f"old{end}", old=True)
@@ -120,6 +129,11 @@ def command_cases(root: Path, commands: tuple[Command, ...], disk: Path | None) 
         yield Case("path too long", command, open_ / "n" / Path(*["n" * 200] * 25) / f"new{end}")
         yield Case("a folder is there", command, open_ / f"folder{end}")
         yield Case("circle of links", command, open_ / f"circle{end}")
+        yield Case("link to nothing", command, open_ / f"nowhere{end}")
+        yield Case("link to a folder", command, open_ / f"to-folder{end}")
+        if end:
+            yield Case("link to a file in a read-only folder", command, open_ / f"to-closed{end}", old=True)
+        yield Case("link to a file or an empty folder", command, open_ / f"to-file{end}", fails=False)
         yield Case("a pipe is there", command, open_ / f"pipe{end}")
         yield Case("a device is there", command, open_ / f"device{end}")
         for name in ("caf\udce9", "line\nbreak", "a##b%s%n", "😀 ü", "-dash", "'\"", "a\\b", "trailing "):

@@ -7,8 +7,10 @@ it. Of a killed window, the next run must recover all gestures but the last one.
 """
 
 import argparse
+import hashlib
 import json
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -24,18 +26,19 @@ if str(ROOT) not in sys.path:
 import numpy as np
 
 from faceposer.cli import main
-from faceposer.errors import FacePoserError
 from faceposer.files.temporary import is_temporary, remove_left
 from faceposer.gui.app import App
 from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.model.character_file import load_character
 from faceposer.session.autosave import autosave_dir, find_orphans
 from faceposer.session.document import read_document, write_document
 from faceposer.session.on_disk import OpenFile, open_files_folder
 from scripts.torture.forked import run, start, wait
 from scripts.torture.inputs import COMMANDS, Command, make_inputs, preload, session_document
 
+_OUTPUT, _OLD = "output", b"what was there before"
+# The time that a solve took, in its report.
+_SECONDS = re.compile(rb'"seconds": [0-9.e-]+')
 _SAVED_EVERY = 3
 _GESTURES = 40
 
@@ -56,10 +59,14 @@ class Killed:
         self.old = self.new = self.left = self.lost = 0
 
 
-def kill_command(command: Command, inputs: Path, folder: Path, delay: float, whole: list[int], result: Killed) -> None:
-    """Kill ``command`` after ``delay`` seconds, and check its output, whose sizes are ``whole`` when it is whole."""
-    output = folder / f"outpt{command.suffix}"
+def kill_command(
+    command: Command, inputs: Path, folder: Path, delay: float, whole: dict[str, str], result: Killed
+) -> None:
+    """Kill ``command`` after ``delay`` seconds, and check its output, which is ``whole`` at the end of a run."""
+    output = folder / f"{_OUTPUT}{command.suffix}"
     words = command.called(inputs, output)
+    if command.suffix:
+        output.write_bytes(_OLD)
     before = _content(output)
     child = start(lambda: main(words))
     time.sleep(delay)
@@ -68,8 +75,8 @@ def kill_command(command: Command, inputs: Path, folder: Path, delay: float, who
     after = _content(output)
     result.old += after == before
     result.new += after != before
-    if after not in (before, whole) and not _is_character(output):
-        result.wrong.append(f"{command.name}: the output, {after} bytes, is neither the old one, {before}, nor {whole}")
+    if after not in (before, whole):
+        result.wrong.append(f"{command.name}: the output, {after}, is neither the old one nor {whole}")
     left = [path for path in folder.iterdir() if is_temporary(path.name)]
     result.left += len(left)
     if [path for path in folder.iterdir() if path.name.startswith(".") and path not in left]:
@@ -80,18 +87,10 @@ def kill_command(command: Command, inputs: Path, folder: Path, delay: float, who
         output.rmdir()
 
 
-def _is_character(path: Path) -> bool:
-    """Return True for a whole character file, whose size depends on the time that its training took."""
-    try:
-        return path.suffix == ".npz" and len(load_character(str(path)).vertices) > 0
-    except FacePoserError:
-        return False
-
-
-def _content(path: Path) -> list[int]:
-    """Return the size of the file ``path``, or of each file in the folder ``path``; empty if there is nothing."""
+def _content(path: Path) -> dict[str, str]:
+    """Return digests of the file ``path``, or of the files in the folder ``path``, without times of solves."""
     files = sorted(path.iterdir()) if path.is_dir() else [path] if path.exists() else []
-    return [file.stat().st_size for file in files]
+    return {file.name: hashlib.sha256(_SECONDS.sub(b"", file.read_bytes())).hexdigest()[:16] for file in files}
 
 
 def kill_window(folder: Path, moment: float, result: Killed) -> None:
@@ -164,13 +163,17 @@ def torture(root: Path, commands: int, windows: int, seed: int) -> dict[str, obj
     for command in chosen if commands else ():
         folder = root / command.name
         folder.mkdir()
-        first = folder / f"first{command.suffix}"
-        seconds = min(
-            run(_called(command.called(inputs, folder / f"{stem}{command.suffix}"))).seconds
-            for stem in ("first", "again")
-        )
+        # Of the same name as the output of the killed commands, since characters are named by their files.
+        # In folders of the same depth, since sessions refer to photos from their own.
+        references = [root / f"{command.name}-{name}" / f"{_OUTPUT}{command.suffix}" for name in ("first", "again")]
+        for reference in references:
+            reference.parent.mkdir()
+        seconds = min(run(_called(command.called(inputs, reference))).seconds for reference in references)
+        whole = _content(references[0])
+        if not whole or whole != _content(references[1]):
+            result.wrong.append(f"{command.name}: two runs wrote {whole} and {_content(references[1])}")
         for _ in range(-(-commands // len(chosen))):
-            kill_command(command, inputs, folder, float(rng.uniform(0.0, 1.2)) * seconds, _content(first), result)
+            kill_command(command, inputs, folder, float(rng.uniform(0.0, 1.2)) * seconds, whole, result)
         ended = run(_called(command.called(inputs, folder / f"final{command.suffix}")))
         left = [path.name for path in folder.iterdir() if path.name.startswith(".")]
         if ended.status or left:

@@ -4,6 +4,7 @@
     python scripts/torture/soak.py                          # 100,000 events
     python scripts/torture/soak.py --short                  # as in the tests
     python scripts/torture/soak.py --out soak --resume      # goes on where that was stopped
+    python scripts/torture/soak.py --cycles photos --events 100     # the same thing, a hundred times
 
 Every thousand events one line of JSON is printed, and with --out added to figures.jsonl in that folder, next to the
 session as it then was. The events of a block depend on the seed and its number alone, so that one of them can be
@@ -41,11 +42,14 @@ from faceposer.gui.app import App
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.random_user import RandomUser
 from faceposer.session.document import Document, write_document
+from scripts.torture import cycles
 
 EVENTS, BLOCK, DRAW_EVERY, SEED = 100_000, 1000, 50, 7
 SHORT_EVENTS, SHORT_BLOCK = 400, 40
 #: Largest growth of the memory, as a share, from the end of the first blocks to the end; the share of these blocks.
 GROWTH, FIRST_BLOCKS, SHORT_FIRST_BLOCKS = 0.15, 0.1, 0.5
+#: Growth of a cycle, in megabytes, that counts as a leak.
+LEAK = 0.05
 _MB = 1e6
 
 
@@ -201,6 +205,13 @@ def summary(rows: list[dict[str, Any]], problems: list[str], first_blocks: float
     return result
 
 
+def _play_cycles(name: str, count: int) -> int:
+    """Play the cycle ``name`` so many times, print its figures, and return the exit status."""
+    grown = cycles.play(name, count, memory_figures, lambda row: print(json.dumps(row), flush=True))
+    print(json.dumps(grown))
+    return int(grown["gpu_objects_per_cycle"] > 0.0 or grown.get("used_mb_per_cycle", 0.0) > LEAK)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the program and return its exit status."""
     assert __doc__ is not None
@@ -215,11 +226,18 @@ def main(arguments: list[str] | None = None) -> int:
         default=DRAW_EVERY,
         help=f"draw one frame of so many in full (default: {DRAW_EVERY})",
     )
+    parser.add_argument(
+        "--cycles",
+        choices=list(cycles.CYCLES),
+        help="instead of random events, repeat one thing --events times and print its growth",
+    )
     parser.add_argument("--growth", type=float, default=GROWTH, help=f"allowed growth (default: {GROWTH})")
     parser.add_argument("--short", action="store_true", help=f"{SHORT_EVENTS} events on a small head")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where figures.jsonl and session.json go")
     parser.add_argument("--resume", action="store_true", help="go on after the last block of --out, in a new process")
     options = parser.parse_args(arguments)
+    if options.cycles is not None:
+        return _play_cycles(options.cycles, options.events)
     if options.short:
         options.character, options.events, options.every = "low", SHORT_EVENTS, SHORT_BLOCK
     if options.resume and options.out is None:

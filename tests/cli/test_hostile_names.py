@@ -22,6 +22,7 @@ COMMANDS = [
     "transfer {}.obj low -o out.json",
     "solve {}.json -o out.obj",
     "photo low {}.png --pins {}.json -o out.json",
+    "sketch low {}.json -o out.json",
     "animate low {}.csv -o out.json",
     "export low --pose {}.obj -o out.json",
     "export low --animation {}.csv -o out.json",

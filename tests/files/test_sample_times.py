@@ -190,7 +190,7 @@ def test_times_that_are_mostly_empty_are_refused(last: float) -> None:
 
 
 def test_times_that_tell_nothing_are_said() -> None:
-    assert frames_at(np.zeros(5), "a.csv").notes == ("Its times do not change; 30 frames per second were assumed.",)
+    assert frames_at(np.zeros(5), "a.csv").notes == ("Its times do not rise; 30 frames per second were assumed.",)
     assert "not plausible" in frames_at(np.arange(5) * 1e-5, "a.csv").notes[0]
     assert frames_in_order(1, None).notes == ()
     numbered = frames_numbered(np.array([5.0, 6.0, 9.0]), "a.csv", None)

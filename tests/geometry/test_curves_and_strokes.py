@@ -159,3 +159,11 @@ def test_long_strokes_take_memory_by_their_pixels() -> None:
     for path, width in [([(0.0, 0.0), (1e6, 1e6)], 5.0), ([(0.0, 0.0), (2000.0, 0.0)] * 20_000, 200.0), (zigzag, 1.0)]:
         with pytest.raises(ValueError, match="must not cover more than 4000000"):
             stroke_pixels(path, width, "filled")
+
+
+@pytest.mark.parametrize("shape", STROKE_SHAPES)
+@pytest.mark.parametrize("count", [1, 2, 3, 9])
+def test_a_pointer_that_is_held_still_draws_one_point(shape: StrokeShape, count: int) -> None:
+    line = smoothed([(40.5, 30.25)] * count, closed=shape != "line")
+    assert np.array_equal(np.unique(line, axis=0), [[40.5, 30.25]])
+    assert len(stroke_pixels(line, 1.0, shape)) >= 1

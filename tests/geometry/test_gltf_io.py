@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.gltf_io import read_gltf
 from faceposer.geometry.polygon_mesh import Group
+from faceposer.geometry.rig_io import read_rig
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], dtype=np.float32)
 QUAD = np.array([0, 1, 2, 0, 2, 3], dtype=np.uint16)
@@ -367,6 +368,9 @@ def test_weights_of_avatars_may_be_of_the_other_version(version: int, whole: flo
     np.testing.assert_allclose(rig.targets["B"], FROWN, atol=1e-6)
     foreign = whole != (100.0 if version == 0 else 1.0)
     assert [f"they were read as 0 to {whole:g}" in note for note in rig.notes] == [True] * foreign
+    given = read_rig(tmp_path / "a.vrm", weights_range=2.0 * whole)
+    np.testing.assert_allclose(given.targets["B"], 0.5 * FROWN, atol=1e-6)
+    assert not any("they were read as" in note for note in given.notes)
 
 
 def test_textures_that_cannot_be_read_are_said(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_far_too_many_lines_are_refused_at_once(tmp_path: Path, monkeypatch: pyt
     with path.open("w", newline="") as file:
         file.write(f"v 0 0 0{end}" * 500_000)
     tracemalloc.start()
-    assert "more than 1000 lines" in refused(path)
+    assert "more than 1,000 lines" in refused(path)
     assert tracemalloc.get_traced_memory()[1] < 64 * 2**20
     tracemalloc.stop()
 

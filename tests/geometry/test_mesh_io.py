@@ -7,7 +7,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.geometry.obj_io import read_obj_positions, read_obj_positions_and_digest, write_obj
+from faceposer.geometry.obj_io import read_obj_positions_and_digest, write_obj
 from faceposer.geometry.polygon_mesh import Group
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0.1, 1 / 3]], dtype=np.float32)
@@ -89,7 +89,7 @@ def test_polygons_of_many_corners_and_groups_of_blender(tmp_path: Path) -> None:
     assert mesh.polygons.tolist() == [[0, 1, 2, 3, 4], [0, 1, 2, -1, -1], [2, 3, 4, -1, -1]]
     assert mesh.triangles().tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [2, 3, 4]]
     assert mesh.groups == (Group("head", (0, 1), "skin"), Group("head", (1, 2), "lips"), Group("eye", (2, 3), "lips"))
-    np.testing.assert_array_equal(read_obj_positions(path), mesh.vertices)
+    np.testing.assert_array_equal(read_obj_positions_and_digest(path)[0], mesh.vertices)
 
 
 def test_positions_alone_are_those_of_the_whole_file(tmp_path: Path) -> None:
@@ -104,4 +104,4 @@ def test_positions_alone_are_those_of_the_whole_file(tmp_path: Path) -> None:
     assert read_obj_positions_and_digest(moved)[1] != digest
     path.write_text("v 0 0 0\nv 1 0 oops\n")
     with pytest.raises(FacePoserError, match="broken at line 2"):
-        read_obj_positions(path)
+        read_obj_positions_and_digest(path)

@@ -8,7 +8,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mesh_sequence import open_sequence
-from faceposer.geometry.obj_io import read_obj_positions, read_obj_positions_and_digest
+from faceposer.geometry.obj_io import read_obj_positions_and_digest
 from faceposer.geometry.rig_io import read_rig
 
 PLAIN = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\ng skin\nf 1 2 3 4\n"
@@ -39,7 +39,6 @@ def test_dialects_are_the_same_mesh(dialect: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(mesh.vertices, POINTS)
     np.testing.assert_array_equal(mesh.polygons, [[0, 1, 2, 3]])
     assert [group.name for group in mesh.groups] == ["skin"]
-    np.testing.assert_array_equal(read_obj_positions(path), POINTS)
     np.testing.assert_array_equal(read_obj_positions_and_digest(path)[0], POINTS)
     # In folders, only positions are read where the faces are equal.
     (tmp_path / "neutral.obj").write_text(PLAIN)

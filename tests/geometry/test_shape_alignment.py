@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.rig_io import read_rig
 from faceposer.geometry.shape_alignment import implausible, lay_on
@@ -85,3 +86,45 @@ def test_a_folder_says_what_was_done_and_which_file_is_wrong(tmp_path: Path) -> 
     assert re.search("1 shape was scaled by 100 against the neutral face .*jawOpen", rig.notes[0])
     assert list(rig.unusable) == ["smile"]
     assert re.search(r"smile\.obj' is not an expression of .*neutral\.obj': .* another order", rig.unusable["smile"])
+
+
+def test_alignment_can_be_turned_off(tmp_path: Path) -> None:
+    neutral, shape = head()
+    faces = np.array([[i, i + 1, i + 2] for i in range(398)])
+    write_obj(tmp_path / "neutral.obj", neutral, faces)
+    write_obj(tmp_path / "jawOpen.obj", shape + (0.1, 0.0, 0.0), faces)
+    np.testing.assert_allclose(read_rig(tmp_path).targets["jawOpen"], shape - neutral, atol=1e-3)
+    raw = read_rig(tmp_path, align=False)
+    np.testing.assert_allclose(raw.targets["jawOpen"], shape + (0.1, 0.0, 0.0) - neutral, atol=1e-3)
+    assert not raw.notes
+    write_obj(tmp_path / "jawOpen.obj", 100.0 * shape, faces)
+    assert list(read_rig(tmp_path, align=False).unusable) == ["jawOpen"]
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_shapes_with_vertices_in_another_order_are_put_in_order_by_their_faces(suffix: str, tmp_path: Path) -> None:
+    neutral, shape = head()
+    faces = np.array([[i, i + 1, i + 2] for i in range(398)])
+    order = np.random.default_rng(5).permutation(400)
+    place = np.argsort(order)
+    write_obj(tmp_path / "neutral.obj", neutral, faces)
+
+    def write(vertices: Array, polygons: Array) -> None:
+        if suffix == ".obj":
+            write_obj(tmp_path / "jawOpen.obj", vertices, polygons)
+        else:
+            rows = [" ".join(map(repr, row)) for row in vertices.tolist()]
+            rows += ["3 " + " ".join(map(str, row)) for row in polygons.tolist()]
+            head = (
+                "ply\nformat ascii 1.0\nelement vertex 400\nproperty double x\nproperty double y\nproperty double z\n"
+            )
+            head += "element face 398\nproperty list uchar int vertex_indices\nend_header\n"
+            (tmp_path / "jawOpen.ply").write_text(head + "\n".join(rows) + "\n")
+
+    write(shape[order], place[faces])
+    rig = read_rig(tmp_path)
+    np.testing.assert_allclose(rig.targets["jawOpen"], shape - neutral, atol=1e-3)
+    assert "1 shape has the vertices in another order than the neutral face (such as 'jawOpen')" in rig.notes[0]
+    write(shape[order], place[faces[::-1]])
+    with pytest.raises(FacePoserError, match=r"The faces of the shape '.*jawOpen.*' differ from the neutral face"):
+        read_rig(tmp_path)

@@ -14,6 +14,7 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.character_file import load_character, save_character
 from faceposer.training.summary import arkit_shapes_of
+from tests.windows import OpenWindow
 
 pytestmark = pytest.mark.gl
 
@@ -212,3 +213,18 @@ def test_the_count_of_shapes_agrees_with_what_is_missing(changed: dict[str, obje
     about = {"path": "/x/head.npz", "file_vertices": 4, "polygons": 2, "parts": [{"name": "head"}], "summary": summary}
     assert dict(facts_of(about))["Shapes"] == text
     assert sentence_of(about) == "The character reproduces 98.7 % of the motion of the rig's shapes."
+
+
+def test_memory_goes_back_soon_after_another_character_is_opened(
+    open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = open_window("low", pictures=False)
+    robot.frames(20)
+    trims: list[int] = []
+    monkeypatch.setattr("faceposer.gui.app.return_free_memory", lambda: trims.append(robot.app.frames_drawn))
+    robot.frames(20)
+    assert trims == []
+    opened = robot.app.frames_drawn
+    robot.app.files.open("creature")
+    robot.frames(20)
+    assert [frame - opened for frame in trims] == [9]

@@ -179,6 +179,16 @@ def test_a_press_on_the_view_ends_what_a_slider_has_begun(robot: Robot) -> None:
     assert constraints(robot)[0].weight == 1.0
 
 
+def test_a_stroke_that_covers_too_many_pixels_is_said(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("faceposer.geometry.strokes.MOST_PIXELS", 50)
+    draw_stroke(robot)
+    assert kinds(robot) == []
+    assert robot.app.notice.startswith("The stroke is not kept: it covers more than ")
+    monkeypatch.undo()
+    draw_stroke(robot)
+    assert kinds(robot) == ["stroke"]
+
+
 def test_a_stroke_needs_source_and_target(robot: Robot) -> None:
     app = robot.app
     draw_stroke(robot)

@@ -25,7 +25,7 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.formats import FORMATS
 from faceposer.model.character_file import load_character, save_character
-from faceposer.poses.pose_file import Pose, pose_text
+from faceposer.poses.pose_file import Pose, write_pose
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
 
@@ -113,6 +113,23 @@ def visit_constraints(robot: Robot) -> None:
     robot.frames(2)
 
 
+def visit_sketch(robot: Robot) -> None:
+    """Draw what is no feature, and open its list of features."""
+    robot.key("E")
+    x, y = robot.at("9.3")
+    robot.move((x - 40, y - 90))
+    robot.press()
+    for i in range(24):
+        robot.move((x - 40 + 3 * i, y - 90 + 60 * (i % 2)))
+    robot.release()
+    robot.click_widget("sketch-name")
+    robot.frames(2)
+    assert "feature:jaw line" in robot.app.widget_rects
+    robot.key("Esc")
+    robot.key("Esc")
+    robot.key("Q")
+
+
 def visit_tabs(robot: Robot) -> None:
     for name in [name for name in robot.app.widget_rects if name.startswith("tab:")]:
         robot.click_widget(name)
@@ -123,7 +140,7 @@ def visit_tabs(robot: Robot) -> None:
 def visit_poses(robot: Robot, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for name in ("First", "Second"):
-        (folder / f"{name.lower()}.json").write_text(pose_text(Pose(name, {"jawOpen": 0.5}, "man")))
+        write_pose(folder / f"{name.lower()}.json", Pose(name, {"jawOpen": 0.5}, "man"))
     robot.click_widget("tab:Poses")
     robot.click_widget("pose:Happiness")
     robot.click_widget("poses:region:mouth")
@@ -345,6 +362,7 @@ def test_every_widget_of_every_state_has_an_id_of_its_own(robot: Robot, ids: Wid
     open_menus(robot)
     visit_tabs(robot)
     visit_constraints(robot)
+    visit_sketch(robot)
     visit_tabs(robot)
     open_menus(robot)
     visit_poses(robot, tmp_path / "poses")

@@ -41,6 +41,15 @@ FORMS: dict[str, Any] = {
     "lists by name": {"time": [0.04 * i for i in range(20)], "jawOpen": JAW, "mouthClose": [0] * 20},
     "named lists": {"frameRate": 25, "curves": [{"name": "jawOpen", "values": JAW}]},
     "deep": {"take": {"fps": 25, "data": {"frames": [{"face": by_name(jaw)} for jaw in JAW]}}},
+    "curves of keys": {
+        "curves": [{"name": "JawOpen", "keys": [{"time": 0.04 * i, "value": jaw} for i, jaw in enumerate(JAW)]}]
+    },
+    "curves by name": {"jawOpen": [{"t": 0.04 * i, "v": jaw} for i, jaw in enumerate(JAW)], "mouthClose": []},
+    "curves of lists": {
+        "tracks": [{"name": "mouthClose", "times": [0.0, 0.76], "values": [0.0, 1.0]}]
+        + [{"name": "jawOpen", "times": [0.04 * i for i in range(20)], "values": JAW}]
+    },
+    "curves at frames": {"fps": 25, "jawOpen": {"keys": [{"frame": i, "value": jaw} for i, jaw in enumerate(JAW)]}},
     "percent": {"fps": 25, "frames": [{"jawOpen": 100 * jaw} for jaw in JAW]},
 }
 
@@ -53,7 +62,8 @@ def write(path: Path, data: Any) -> Path:
 @pytest.mark.parametrize("form", list(FORMS))
 def test_forms_that_are_clear_are_read(form: str, tmp_path: Path) -> None:
     read = read_weights(write(tmp_path / "a.json", FORMS[form]))
-    np.testing.assert_allclose(read.frames[:, read.names.index("jawOpen")], JAW, atol=1e-9)
+    (column,) = [i for i, name in enumerate(read.names) if name.lower() == "jawopen"]
+    np.testing.assert_allclose(read.frames[:, column], JAW, atol=1e-9)
     assert read.rate == (30.0 if form in ("objects", "named weights", "pairs") else 25.0)
     assert ("assumed" in " ".join(read.notes)) == (read.rate == 30.0)
     assert ("percentages" in " ".join(read.notes)) == (form == "percent")
@@ -100,3 +110,43 @@ def test_what_is_not_clear_gets_one_sentence(data: Any, said: str, tmp_path: Pat
     with pytest.raises(FacePoserError, match=said) as error:
         read_weights(write(tmp_path / "a.json", data))
     assert str(tmp_path / "a.json") in str(error.value)
+
+
+def test_curves_with_keys_of_their_own_are_interpolated(tmp_path: Path) -> None:
+    curves = [
+        {"name": "jawOpen", "keys": [{"time": 0.0, "value": 0.0}, {"time": 2.0, "value": 1.0}]},
+        {"name": "mouthClose", "keys": [{"time": 1.0, "value": 0.5}]},
+    ]
+    read = read_weights(write(tmp_path / "a.json", {"curves": curves}))
+    assert read.rate == 30.0
+    assert "Its keys are far apart; 30 frames per second were assumed." in read.notes
+    np.testing.assert_allclose(read.frames[:, 0], np.arange(61) / 60.0, atol=1e-9)
+    np.testing.assert_allclose(read.frames[:, 1], 0.5)
+    assert len(read_weights(tmp_path / "a.json", 10.0).frames) == 21
+    curves[0]["keys"][1]["time"] = 1e9  # type: ignore[index]
+    with pytest.raises(FacePoserError, match="its keys span more than 250,000 frames"):
+        read_weights(write(tmp_path / "a.json", {"curves": curves}))
+
+
+@pytest.mark.parametrize("affixes", [("A01_", ""), ("", "_Head_Mesh"), ("mesh.morphTargetInfluences[", "]")])
+def test_names_with_affixes_are_read_and_told(affixes: tuple[str, str], tmp_path: Path) -> None:
+    names = ["jawOpen", "eyeBlinkLeft", "eyeBlinkRight", "mouthFunnel", "mouthPucker", "browInnerUp"]
+    frames = [{affixes[0] + name + affixes[1]: 0.1 * i + 0.01 * k for k, name in enumerate(names)} for i in range(5)]
+    read = read_weights(write(tmp_path / "a.json", {"fps": 25, "frames": frames}))
+    assert list(read.names) == names
+    np.testing.assert_allclose(read.frames[:, 0], 0.1 * np.arange(5))
+    assert any("are read without their" in note for note in read.notes)
+
+
+def test_the_forms_that_are_read_are_listed_where_none_is_found(tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match="numbers by name in each frame, named weights, rows with a list of names"):
+        read_weights(write(tmp_path / "a.json", {"curves": [{"name": "jawOpen", "handles": [[0, 1]]}]}))
+
+
+def test_curves_at_times_and_at_frames_are_not_mixed(tmp_path: Path) -> None:
+    curves = [
+        {"name": "jawOpen", "keys": [{"time": 0.0, "value": 0.0}]},
+        {"name": "mouthClose", "keys": [{"frame": 1, "value": 0.5}]},
+    ]
+    with pytest.raises(FacePoserError, match="some of its curves have keys at times and some at frames"):
+        read_weights(write(tmp_path / "a.json", curves))

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,33 @@ def test_a_mirrored_mesh_is_mirrored_back(mirror: tuple[float, ...], low: FaceMo
     read = read_pose(tmp_path / "a.obj", low)
     assert "The mesh is mirrored; it was mirrored back." in read.note
     np.testing.assert_allclose(read.coefficients, coefficients, atol=1e-3)
+
+
+@pytest.mark.parametrize("mirror", [(-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0)])
+def test_a_mirrored_mesh_is_recognised_on_every_head(
+    mirror: tuple[float, ...], model: FaceModel, tmp_path: Path
+) -> None:
+    coefficients = model.coefficients_of({"mouthSmileLeft": 1.0, "jawOpen": 0.3})
+    # Faces may be turned round and listed in another order.
+    faces = model.character.polygons[::-1]
+    write_obj(tmp_path / "a.obj", model.instance(coefficients) * mirror, faces)
+    read = read_pose(tmp_path / "a.obj", model)
+    assert "The mesh is mirrored; it was mirrored back." in read.note
+    np.testing.assert_allclose(model.weights_of(read.coefficients), model.weights_of(coefficients), atol=0.02)
+
+
+def test_the_mirror_image_of_a_flat_face_is_recognised(low: FaceModel, tmp_path: Path) -> None:
+    flat = build_face_model(
+        replace(
+            low.character,
+            vertices=(low.character.vertices * (1.0, 1.0, 0.1)).astype(np.float32),
+            shapes=(low.character.shapes * (1.0, 1.0, 0.1)).astype(np.float32),
+        )
+    )
+    coefficients = flat.coefficients_of({"mouthSmileLeft": 1.0, "jawOpen": 0.3})
+    write_obj(tmp_path / "a.obj", flat.instance(coefficients) * (1.0, 1.0, -1.0), flat.character.polygons)
+    read = read_pose(tmp_path / "a.obj", flat)
+    assert "The mesh is mirrored; it was mirrored back." in read.note
 
 
 def test_a_mesh_that_was_only_sculpted_stays_where_it_is(low: FaceModel, tmp_path: Path) -> None:

@@ -125,9 +125,9 @@ def test_what_did_not_change_is_not_written_again(
     journal: Journal, session: Session, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writes = []
-    original = autosave.write_text
+    original = autosave.write_json
     monkeypatch.setattr(
-        autosave, "write_text", lambda *words, **more: (writes.append(words[0]), original(*words, **more))[1]
+        autosave, "write_json", lambda *words, **more: (writes.append(words[0]), original(*words, **more))[1]
     )
     pin(session)
     for _ in range(20):

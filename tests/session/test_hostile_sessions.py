@@ -9,10 +9,11 @@ import pytest
 
 from faceposer.cli.program import main
 from faceposer.errors import FacePoserError
-from faceposer.session import solver_worker
+from faceposer.session import document, solver_worker
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.session.opening import load_model, open_session
 from faceposer.session.session import Session
+from faceposer.solve.constraints.stroke import StrokeConstraint
 from faceposer.solve.map_solver import SolveError
 
 CAMERA = {
@@ -87,19 +88,32 @@ def test_strokes_that_cover_too_much(tmp_path: Path, capsys: pytest.CaptureFixtu
     read_document(session_file(tmp_path, *[long] * 10))
 
 
-def test_a_large_source_is_thinned(tmp_path: Path) -> None:
+def test_a_large_source_is_thinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     close = CAMERA | {"focal": 40_000.0, "size": [4000, 4000]}
     square = [[1500, 1800], [1900, 1800], [1900, 2000], [1500, 2000]]
     path = session_file(tmp_path, stroke(source=square, target=square, shape="filled", camera=close))
     source = open_session(str(path)).document.constraints[0].points
-    assert 0 < len(source) <= 50_000
+    assert 0 < len(source) <= 20_000
+    monkeypatch.setattr(document, "_MOST_PICKED_TOGETHER", 2000)
+    strokes = [stroke(source=square, target=square, shape="filled", camera=close)] * 4
+    (tmp_path / "many").mkdir()
+    many = open_session(str(session_file(tmp_path / "many", *strokes))).document.constraints
+    assert all(isinstance(one, StrokeConstraint) and 0 < len(one.placed) <= 500 for one in many)
+
+
+def test_images_of_strokes_are_limited(tmp_path: Path) -> None:
+    line = [[100.0, 100.0], [400.0, 400.0]]
+    read_document(session_file(tmp_path, stroke(target=line, source=line, width=9, energy="image")))
+    many = session_file(tmp_path, *[stroke(target=line, source=line, width=9, energy="image")] * 40)
+    with pytest.raises(FacePoserError, match='energy "image" must not cover more than 100000 pixels together; use the'):
+        read_document(many)
 
 
 def test_counts_are_limited(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="constraints must be a list of at most 2000"):
         read_document(session_file(tmp_path, *[point()] * 2001))
-    with pytest.raises(FacePoserError, match="constraints has 501 strokes, curves and sketches; there may be 500"):
-        read_document(session_file(tmp_path, *[stroke()] * 501))
+    with pytest.raises(FacePoserError, match="constraints has 201 strokes, curves and sketches; there may be 200"):
+        read_document(session_file(tmp_path, *[stroke()] * 201))
 
 
 @pytest.mark.parametrize("depth", [-8.0, 8.0, 1e6])

@@ -1,5 +1,7 @@
 """Session files that others change or have open."""
 
+import json
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -7,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from faceposer.resources import asset_path
 from faceposer.session.autosave import Journal, find_orphans
 from faceposer.session.document import Document, write_document
 from faceposer.session.on_disk import OpenFile, content_of, content_of_text
@@ -94,3 +97,24 @@ def test_without_a_folder_for_locks_every_file_is_ours(path: Path, tmp_path: Pat
     (tmp_path / "file").touch()
     assert OpenFile(tmp_path / "file" / "locks").hold(path)
     assert OpenFile(tmp_path / "file").hold(path)
+
+
+def test_a_session_behind_a_link_is_saved_where_it_is(path: Path, tmp_path: Path) -> None:
+    folder, links = tmp_path / "real", tmp_path / "links"
+    folder.mkdir()
+    links.mkdir()
+    shutil.copy(asset_path("characters/low.npz"), folder / "own.npz")
+    session = open_session(str(folder / "own.npz"))
+    session.save(folder / "s.json")
+    assert json.loads((folder / "s.json").read_text())["subject"] == "own.npz"
+    link = links / "s.json"
+    link.symlink_to(folder / "s.json")
+    session = open_session(str(link))
+    session.set_prior_weight(2.0)
+    session.save(link)
+    assert not session.changed_on_disk()
+    assert link.is_symlink()
+    written = json.loads((folder / "s.json").read_text())
+    assert (written["subject"], written["prior_weight"]) == ("own.npz", 2.0)
+    assert [entry.name for entry in links.iterdir()] == ["s.json"]
+    assert open_session(str(folder / "s.json")).document.prior_weight == 2.0

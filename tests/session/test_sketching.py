@@ -1,5 +1,6 @@
 """Sketches of a document: its method in files and history, and the problem that the solver gets."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -46,11 +47,12 @@ class PaperStub:
 
 
 @pytest.fixture
-def paper(man: FaceModel, monkeypatch: pytest.MonkeyPatch) -> PaperStub:
+def paper(man: FaceModel, monkeypatch: pytest.MonkeyPatch) -> Iterator[PaperStub]:
     stub = PaperStub(man)
     monkeypatch.setattr(sketching, "session_sketcher", lambda model: stub)
     sketching._paper_pose.cache_clear()
-    return stub
+    yield stub
+    sketching._paper_pose.cache_clear()
 
 
 def test_the_method_is_kept_in_the_file_and_undone(man: FaceModel, paper: PaperStub, tmp_path) -> None:

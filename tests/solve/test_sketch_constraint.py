@@ -274,6 +274,16 @@ def test_a_feature_that_the_character_lacks_is_refused(model: FaceModel, camera:
     assert drawn(model, "right brow", model.neutral(), camera).mirrored(None, browless, model.neutral()) is None
 
 
+def test_a_shift_of_a_hand_is_no_conflict(model: FaceModel, camera: Camera) -> None:
+    sketches = [
+        drawn(model, f"{side} nose wing", model.neutral(), camera).nudged((4.0, 6.0)) for side in ("left", "right")
+    ]
+    problem = PoseProblem(model, sketches)
+    solution = solve(problem)
+    assert max(solution.residuals_px) > 3.0
+    assert find_conflicts(problem, solution.coefficients) == []
+
+
 def test_sketches_that_contradict_are_reported(model: FaceModel, camera: Camera) -> None:
     sketch = drawn(model, "left brow", model.neutral(), camera)
     up, down = sketch.nudged((0.0, -25.0)), sketch.nudged((0.0, 25.0))

@@ -28,6 +28,7 @@ class HeadlessContext:
         self.ui_scale = 1.0
         self.navigation: Navigation = "blender"
         self.unmarked: frozenset[int] = frozenset()
+        self.notices: list[str] = []
         self.toolbox = Toolbox(self)
 
     @property
@@ -50,6 +51,9 @@ class HeadlessContext:
         hidden = np.zeros(len(points), dtype=bool)
         hidden[met] = self.camera.to_camera(model.positions_at(found, pose))[:, 2] < depths[met] - 0.4
         return hidden
+
+    def notify(self, text: str) -> None:
+        self.notices.append(text)
 
     def send(
         self, kind: str, position: Pixel, button: str | None = "left", *modifiers: str, wheel: float = 0.0

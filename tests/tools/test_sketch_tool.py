@@ -261,6 +261,12 @@ def test_a_view_from_the_side(context: HeadlessContext) -> None:
     context.view = OrbitView.preset(vertices.min(axis=0), vertices.max(axis=0))
     stroke = context.constraints[0].stroke
     assert tool_of(context).sketch_at(stroke[20], context) is None, "strokes of other views are out of reach"
+    # Their names are not, but only in its own view a sketch can be moved.
+    before, tool_of(context).labels = context.constraints, {0: (5.0, 5.0, 60.0, 20.0)}
+    context.drag((10.0, 10.0), (40.0, 40.0), "left", "shift")
+    assert context.constraints == before
+    context.click((10.0, 10.0), "right")
+    assert context.constraints == ()
 
 
 def test_over_a_photo_from_a_tilted_camera(context: HeadlessContext) -> None:

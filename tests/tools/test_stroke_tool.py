@@ -200,3 +200,42 @@ def test_in_another_view_its_target_is_out_of_reach(context: HeadlessContext) ->
     context.click(at, "right")
     context.drag(at, shifted(at, 9, 9), "left", "shift")
     assert context.constraints == kept
+
+
+@pytest.mark.parametrize("stage", ["source", "target", "redrawn"])
+def test_a_stroke_that_covers_too_much_is_said_and_can_be_drawn_again(context: HeadlessContext, stage: str) -> None:
+    tool, options = context.toolbox.stroke_tool, context.toolbox.tool_settings.options
+    if stage == "redrawn":
+        draw(context)
+        (stroke,) = context.constraints
+        assert isinstance(stroke, StrokeConstraint)
+        tool.redraw(stroke)
+    elif stage == "target":
+        context.follow(lip(context))
+    before, depth = context.constraints, context.session.depth
+    options.shape = "filled"
+    start = lip(context)[0]
+    context.follow([start, shifted(start, 3000, 0), shifted(start, 3000, 3000), shifted(start, 0, 3000)])
+    assert context.notices == ["The stroke is not kept: it covers more than 4 million pixels"]
+    assert context.constraints == before
+    assert context.session.depth == depth
+    assert tool.draws_target == (stage != "source"), "what was drawn before waits for another target"
+    options.shape = "line"
+    context.follow(lip(context, 12))
+    if stage == "source":
+        context.follow(lip(context, 12))
+    assert len(context.constraints) == 1
+    assert len(context.notices) == 1
+
+
+def test_strokes_that_together_cover_too_much_are_said(
+    context: HeadlessContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw(context)
+    monkeypatch.setattr("faceposer.session.effort.MOST_EFFORT", 1.0)
+    before, depth = context.constraints, context.session.depth
+    draw(context)
+    assert context.notices == [
+        "The stroke is not kept: the session has too many strokes, or they cover too many pixels"
+    ]
+    assert (context.constraints, context.session.depth) == (before, depth)

@@ -1,6 +1,7 @@
 """Takes of Live Link Face and Face Cap are read by the names of their columns, bad ones refused in one sentence."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +119,6 @@ def test_bad_takes_are_refused_by_place(tmp_path: Path) -> None:
         r"2 columns for eyeBlinkLeft \(EyeBlink_L, EyeBlinkLeft\)": write(
             tmp_path / "10.csv", [], ("eyeBlink_L", "eyeBlinkLeft")
         ),
-        "3 columns for cheekPuff ": write(tmp_path / "11.csv", [], ("cheekPuff", "cheekPuffLeft", "cheekPuffRight")),
         "cannot be read": tmp_path / "missing.csv",
         "is not a text file": tmp_path / "binary.csv",
         "no name of a shape such": tmp_path / "empty.csv",
@@ -170,3 +170,47 @@ def test_takes_of_the_app_have_all_channels() -> None:
         capture = read_capture(path)
         assert capture.shape_names == ARKIT_SHAPES
         assert len(capture.weights) > 1000
+
+
+@pytest.mark.parametrize(
+    "form", ["A{n:02d}_{snake}", "{name}_Head_Mesh", "blendShapes.{name}", "bs_{name}", "F.m_{name} (w)"]
+)
+def test_names_with_affixes_are_read_as_those_of_rigs(form: str, tmp_path: Path) -> None:
+    snake = [re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).title() for name in ARKIT_SHAPES]
+    names = [form.format(n=i, name=name, snake=snake[i]) for i, name in enumerate(ARKIT_SHAPES)]
+    path = tmp_path / "a.csv"
+    rows = [[0.01 * ((i + k) % 50) for k in range(52)] for i in range(3)]
+    path.write_text(
+        "\n".join(",".join(map(str, row)) for row in [["Timecode", *names], *[[i, *r] for i, r in enumerate(rows)]])
+    )
+    capture = read_capture(path)
+    assert capture.shape_names == ARKIT_SHAPES
+    np.testing.assert_allclose(capture.weights, rows)
+    assert any("are read without their" in note for note in capture.notes) == (not form.startswith("blendShapes"))
+
+
+def test_of_two_spellings_side_by_side_the_more_frequent_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("jawOpen,mouthClose,browInnerUp,Jaw_Open\n" + "0.5,0.1,0.2,0.9\n" * 3)
+    capture = read_capture(path)
+    assert capture.weights[0, capture.shape_names.index("jawOpen")] == 0.5
+    assert "not used" in capture.notes[0]
+
+
+def test_lines_of_nan_are_frames_without_a_face(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,jawOpen,mouthClose\n0,0.1,0\n0.1,NaN,nan\n0.2,0.3,0\n")
+    capture = read_capture(path)
+    assert capture.lost == 1
+    np.testing.assert_allclose(capture.weights[:, 0], [0.1, 0.3])
+    path.write_text("time,jawOpen,mouthClose\n0,0.1,0\n0.1,NaN,0\n")
+    with pytest.raises(FacePoserError, match=r"Line 3 .* has 'NaN' in column jawOpen"):
+        read_capture(path)
+
+
+def test_a_whole_shape_is_used_in_place_of_its_halves(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("browInnerUp,browInnerUp_L,browInnerUp_R,jawOpen\n0.5,0.2,0.2,0\n")
+    capture = read_capture(path)
+    assert capture.weights[0, capture.shape_names.index("browInnerUp")] == 0.5
+    assert capture.notes == ("The halves of browInnerUp are not used, since the whole is in column 'browInnerUp'.",)

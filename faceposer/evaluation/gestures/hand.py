@@ -150,6 +150,9 @@ class Hand:
         hidden[hit] = depths < self.camera.to_camera(positions)[hit, 2] - _DEPTH_TOLERANCE
         return hidden
 
+    def notify(self, text: str) -> None:
+        """Discard ``text``, which is for users."""
+
     # Gestures
     def perform(self, gesture: Gesture) -> Performed:
         """Perform ``gesture`` and return the result.

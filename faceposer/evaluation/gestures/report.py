@@ -1,6 +1,5 @@
 """A study of gestures: rows of all characters, and the files of results."""
 
-import json
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -15,6 +14,7 @@ from faceposer.evaluation.gestures.hand import Performed, PriorSettings
 from faceposer.evaluation.gestures.pictures import Cell, Studio, beside, sheet, studio, write_jpeg
 from faceposer.evaluation.gestures.rows import Row, study
 from faceposer.evaluation.gestures.tables import markdown, spliced
+from faceposer.files import writing
 
 # Images per row of a sheet, and their width in pixels.
 _COLUMNS, _SIDE = 9, 176
@@ -75,7 +75,7 @@ def write_json(path: Path, rows: Sequence[Row], settings: PriorSettings) -> None
     """Write ``rows`` with the ``settings`` of their study."""
     path.parent.mkdir(parents=True, exist_ok=True)
     content = {"settings": asdict(settings), "rows": list(rows)}
-    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    writing.write_json(path, content, "result", ascii_only=False)
 
 
 def write_page(path: Path, rows: Sequence[Row], settings: PriorSettings) -> None:

@@ -12,7 +12,6 @@ from faceposer.gui.widgets.basic import action_button, button_width, caption, he
 from faceposer.gui.widgets.text import text_width, wrapped
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
-from faceposer.solve.conflicts import NOTABLE_PX
 from faceposer.solve.constraints.registry import Constraint
 
 # Rows that are always shown; more are if the panel has room.
@@ -156,7 +155,7 @@ class ConstraintsPanel:
         draw.add_text(ImVec2(left, middle), u32(tint, 0.75), TOOL_ICONS[row.constraint.icon])
         for n, text in enumerate(row.lines):
             draw.add_text(ImVec2(left + em(_ICON), top + em(_PAD) + n * line), u32(tint), text)
-        far = row.constraint.enabled and row.residual > NOTABLE_PX
+        far = row.constraint.enabled and row.residual > row.constraint.notable_px
         draw.add_text(
             ImVec2(right - text_width(row.residual_text), middle), u32(WARNING if far else FAINT), row.residual_text
         )

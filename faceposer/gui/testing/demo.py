@@ -9,6 +9,7 @@ from faceposer.gui.app import App
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.recorder import Recorder
 from faceposer.gui.testing.scripted_user import Robot
+from faceposer.model.feature_curves import feature_curves
 from faceposer.render.images import write_png
 
 _WINDOW = (1200, 780)
@@ -46,6 +47,10 @@ class _Script:
         self._pull(RIGHT_CORNER, -1.5, -2.0)
         self._say("Raise the inner end of a brow")
         self._pull(LEFT_BROW, 1.0, -9.0)
+        self._say("Sketch the other brow as it should look: it is recognised", "E")
+        self.robot.key("E")
+        self._sketch("right brow", -7.0)
+        self.robot.key("Q")
         self._say("Orbit by dragging beside the face")
         self._orbit(130.0, 10.0)
         self._say("Drag from any side")
@@ -87,6 +92,15 @@ class _Script:
         self.robot.move((x + across * unit, y + down * unit), 9, ease=True)
         self.robot.release()
         self._rest(3)
+
+    def _sketch(self, feature: str, down: float) -> None:
+        """Draw ``feature`` of the present face, moved by 1/450 of the head's height in the view per unit."""
+        app = self.app
+        points = feature_curves(app.session.model.character)[feature][0].points
+        pixels = app.viewport.camera.project(app.session.model.positions_at(points, app.session.coefficients))
+        way = pixels + app.viewport.origin + (0.0, down * self._head_height() / 450.0)
+        self.robot.draw([(x, y) for x, y in way[:: max(len(way) // 12, 1)].tolist()], ease=5)
+        self._rest(4)
 
     def _orbit(self, across: float, down: float) -> None:
         left, top, right, bottom = self.app.widget_rects["view"]

@@ -1,6 +1,6 @@
 """A scripted user for tests and the demo, with events that take the path of real ones."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from faceposer.gui.actions import parsed_key
 from faceposer.gui.app import App
@@ -79,6 +79,15 @@ class Robot:
         self.press(button, modifiers)
         self.move(end, steps, ease)
         self.release(button, modifiers)
+
+    def draw(self, way: Sequence[Position], release: bool = True, ease: int = 1) -> None:
+        """Draw along ``way``, with ``ease`` steps to its begin; the button stays pressed without ``release``."""
+        self.move(way[0], ease, ease > 1)
+        self.press()
+        for position in way[1:]:
+            self.move(position)
+        if release:
+            self.release()
 
     def wheel(self, notches: float) -> None:
         """Turn the wheel."""

@@ -47,6 +47,7 @@ class ConstraintBase(ABC):
         noun: Name of the kind in the user interface.
         icon: Name of its icon, one of the tools' icons.
         informs_prior: True if the prior is conditioned on constraints of this kind.
+        notable_px: Residual in pixels above which a constraint of this kind is unmet.
         weight: Factor on its energy, at least 0.
         enabled: True if the constraint is active.
         locked: True if the constraint cannot be moved or removed by hand.
@@ -57,6 +58,7 @@ class ConstraintBase(ABC):
     noun: ClassVar[str] = ""
     icon: ClassVar[str] = "point"
     informs_prior: ClassVar[bool] = True
+    notable_px: ClassVar[float] = 5.0
 
     weight: float = 1.0
     enabled: bool = True

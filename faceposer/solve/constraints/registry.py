@@ -31,6 +31,7 @@ class Constraint(Protocol):
     noun: ClassVar[str]
     icon: ClassVar[str]
     informs_prior: ClassVar[bool]
+    notable_px: ClassVar[float]
 
     @property
     def camera(self) -> Camera | None:

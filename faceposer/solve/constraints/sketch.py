@@ -107,6 +107,8 @@ class SketchConstraint(ConstraintBase):
     kind: ClassVar[str] = "sketch"
     noun: ClassVar[str] = "sketch"
     icon: ClassVar[str] = "sketch"
+    # A hand shifts whole strokes; see ``SketchTerm``.
+    notable_px: ClassVar[float] = 10.0
 
     stroke: Pixels
     camera: Camera

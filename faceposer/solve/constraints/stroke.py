@@ -28,8 +28,10 @@ Pixels = tuple[tuple[float, float], ...]
 StrokeEnergy = Literal["distance", "image"]
 STROKE_ENERGIES: tuple[StrokeEnergy, ...] = get_args(StrokeEnergy)
 WIDEST = 200.0
-# Largest number of points of a stroke that are evaluated, and of pixels at which a source is picked.
-_SAMPLES, _MOST_PICKED = 200, 50_000
+# Largest number of points of a stroke that are evaluated.
+_SAMPLES = 200
+#: Maximum number of pixels at which the source of a stroke is picked.
+MOST_PICKED = 20_000
 
 
 class _PaintedJson(JsonObject):
@@ -116,6 +118,13 @@ class StrokeConstraint(ConstraintBase):
         return sum(stroke_effort(path, self.width, self.shape) for path in paths)
 
     @property
+    def image_effort(self) -> float:
+        """Upper bound of the pixels that are compared in each step of the solver; 0 for distances."""
+        if self.energy != "image":
+            return 0.0
+        return self.effort + (len(self.source) if isinstance(self.source, SurfacePoints) else 0)
+
+    @property
     def places(self) -> SurfacePoints | None:
         """All points of the source, or None if the source is unresolved."""
         return self.source if isinstance(self.source, SurfacePoints) else None
@@ -126,8 +135,8 @@ class StrokeConstraint(ConstraintBase):
             self, source=self.source if places is None else places, camera=self.camera.following(frame), rest=None
         )
 
-    def resolved(self, model: FaceModel, p: ArrayLike) -> "StrokeConstraint":
-        """Return the constraint with points as its source, picked on the face ``p`` if it consists of pixels.
+    def resolved(self, model: FaceModel, p: ArrayLike, most: int = MOST_PICKED) -> "StrokeConstraint":
+        """Return the constraint with points as its source, picked on the face ``p`` at up to ``most`` pixels of it.
 
         Raises:
             ValueError: If the source does not lie on the face, or one of the strokes covers too many pixels.
@@ -137,7 +146,7 @@ class StrokeConstraint(ConstraintBase):
             self.source.check(model.triangles)
             return self
         pixels = stroke_pixels(self.source, self.width, self.shape)
-        points, met = model.pick(p, self.camera, pixels[_spread(len(pixels), _MOST_PICKED)])
+        points, met = model.pick(p, self.camera, pixels[_spread(len(pixels), most)])
         if not met.any():
             raise ValueError("its source does not touch the face")
         return replace(self, source=points)

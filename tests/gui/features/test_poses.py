@@ -11,7 +11,7 @@ from faceposer.gui.feature import Feature
 from faceposer.gui.features.poses.feature import PosesFeature
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.poses.applying import Array
-from faceposer.poses.pose_file import Pose, pose_text, read_pose
+from faceposer.poses.pose_file import Pose, read_pose, write_pose
 from tests.windows import OpenWindow
 
 pytestmark = pytest.mark.gl
@@ -192,7 +192,7 @@ def test_saving_writes_the_pose_with_a_picture_that_frames_the_face(robot: Robot
 def test_a_taken_name_asks_and_escape_leaves_everything(robot: Robot, tmp_path: Path) -> None:
     folder = tmp_path / "poses"
     folder.mkdir()
-    (folder / "mine.json").write_text(pose_text(Pose("Mine", {"jawOpen": 0.5}, "man")))
+    write_pose(folder / "mine.json", Pose("Mine", {"jawOpen": 0.5}, "man"))
     robot.click_widget("pose-save")
     type_name(robot, "Mine")
     assert read_pose(folder / "mine.json").weights["jawOpen"] == 0.5, "nothing is replaced without asking"
@@ -207,7 +207,7 @@ def test_a_taken_name_asks_and_escape_leaves_everything(robot: Robot, tmp_path: 
 def test_poses_are_renamed_replaced_and_deleted_by_their_menu(robot: Robot, tmp_path: Path) -> None:
     folder = tmp_path / "poses"
     folder.mkdir()
-    (folder / "a.json").write_text(pose_text(Pose("First", {"jawOpen": 0.5}, "man")))
+    write_pose(folder / "a.json", Pose("First", {"jawOpen": 0.5}, "man"))
     robot.click_widget("poses:category:3")
     choose_from_menu(robot, "First", "rename")
     type_name(robot, "Second")
@@ -247,7 +247,7 @@ def test_files_that_cannot_be_used_are_shown_and_harm_nothing(robot: Robot, tmp_
     folder = tmp_path / "poses"
     folder.mkdir()
     (folder / "broken.json").write_text("{")
-    (folder / "goblin.json").write_text(pose_text(Pose("Goblin's", {"mouth 1": 1.0}, "creature")))
+    write_pose(folder / "goblin.json", Pose("Goblin's", {"mouth 1": 1.0}, "creature"))
     (folder / "goblin.png").write_bytes(b"no picture")
     robot.click_widget("poses:category:3")
     robot.frames(4)

@@ -37,15 +37,6 @@ def way_of(robot: Robot, feature: str, dy: float = 0.0) -> list[Position]:
     return [(u, v) for u, v in pixels[::6].tolist()] + [(float(pixels[-1, 0]), float(pixels[-1, 1]))]
 
 
-def draw(robot: Robot, way: list[Position], release: bool = True) -> None:
-    robot.move(way[0])
-    robot.press()
-    for position in way[1:]:
-        robot.move(position)
-    if release:
-        robot.release()
-
-
 def scribble(robot: Robot) -> list[Position]:
     x, y = robot.at("9.3")
     return [(x - 60 + 4 * i, y - 120 + 80 * (i % 2)) for i in range(30)]
@@ -55,7 +46,7 @@ def test_a_brow_is_drawn_named_and_listed(robot: Robot) -> None:
     app = robot.app
     vertex = app.session.model.character.feature_points["4.3"]
     rest = float(app.scene.vertices[vertex, 1])
-    draw(robot, way_of(robot, "left brow", -10.0))
+    robot.draw(way_of(robot, "left brow", -10.0))
     assert features(robot) == ["left brow"]
     assert float(app.scene.vertices[vertex, 1]) > rest + 0.2
     assert app.point_name(0) == "left brow"
@@ -77,7 +68,7 @@ def test_a_brow_is_drawn_named_and_listed(robot: Robot) -> None:
 
 
 def test_the_stroke_in_progress_is_cancelled_by_esc(robot: Robot) -> None:
-    draw(robot, way_of(robot, "left brow", -10.0), release=False)
+    robot.draw(way_of(robot, "left brow", -10.0), release=False)
     assert robot.app.toolbox.sketch_tool.drawing
     robot.key("Ctrl+Z")
     assert robot.app.toolbox.active, "undo waits for the end of the stroke"
@@ -89,7 +80,7 @@ def test_the_stroke_in_progress_is_cancelled_by_esc(robot: Robot) -> None:
 
 def test_the_name_is_clicked_for_the_next_feature(robot: Robot) -> None:
     app = robot.app
-    draw(robot, way_of(robot, "inner upper lip", -2.0))
+    robot.draw(way_of(robot, "inner upper lip", -2.0))
     (first,) = features(robot)
     robot.click_widget("sketch:0:label")
     (second,) = features(robot)
@@ -117,7 +108,7 @@ def test_the_name_is_clicked_for_the_next_feature(robot: Robot) -> None:
 
 def test_a_scribble_is_reported_and_can_be_named(robot: Robot) -> None:
     app = robot.app
-    draw(robot, scribble(robot))
+    robot.draw(scribble(robot))
     assert features(robot) == []
     assert UNRECOGNISED in app.hint()
     assert not app.session.can_undo
@@ -125,12 +116,12 @@ def test_a_scribble_is_reported_and_can_be_named(robot: Robot) -> None:
     robot.key("Esc")
     assert "sketch:unnamed:label" not in app.widget_rects
     assert UNRECOGNISED not in app.hint()
-    draw(robot, scribble(robot))
+    robot.draw(scribble(robot))
     robot.click_widget("sketch-name")
     robot.click_widget("feature:mouth line")
     assert features(robot) == ["mouth line"]
     robot.key("Ctrl+Z")
-    draw(robot, scribble(robot))
+    robot.draw(scribble(robot))
     robot.click_widget("sketch:unnamed:list")
     robot.click_widget("feature:left brow")
     assert features(robot) == ["left brow"]
@@ -138,7 +129,7 @@ def test_a_scribble_is_reported_and_can_be_named(robot: Robot) -> None:
 
 def test_the_method_is_a_step_of_the_history(robot: Robot) -> None:
     session = robot.app.session
-    draw(robot, way_of(robot, "left brow", -10.0))
+    robot.draw(way_of(robot, "left brow", -10.0))
     posed = session.coefficients.copy()
     robot.click_widget("sketch-method:1")
     assert session.document.sketch_method == "paper"
@@ -150,7 +141,7 @@ def test_the_method_is_a_step_of_the_history(robot: Robot) -> None:
 
 def test_symmetry_and_hidden_names(robot: Robot) -> None:
     robot.key("X")
-    draw(robot, way_of(robot, "left brow", -10.0))
+    robot.draw(way_of(robot, "left brow", -10.0))
     assert features(robot) == ["left brow", "right brow"]
     robot.click_widget("point:1:visible")
     robot.key("Esc")
@@ -164,7 +155,7 @@ def test_symmetry_and_hidden_names(robot: Robot) -> None:
 
 def test_names_follow_the_turned_view(robot: Robot) -> None:
     app = robot.app
-    draw(robot, way_of(robot, "left brow", -10.0))
+    robot.draw(way_of(robot, "left brow", -10.0))
     before = app.widget_rects["sketch:0:label"]
     robot.key("2")
     robot.frames(2)
@@ -184,7 +175,7 @@ def test_the_recogniser_is_prepared_in_the_background(robot: Robot, monkeypatch:
     gate = threading.Event()
     monkeypatch.setattr("faceposer.gui.features.sketch.feature.prepare_recognition", lambda model: gate.wait(30.0))
     feature._prepare(app.session.model)
-    draw(robot, way_of(robot, "left brow", -10.0))
+    robot.draw(way_of(robot, "left brow", -10.0))
     assert features(robot) == []
     assert "Preparing" in app.hint()
     gate.set()

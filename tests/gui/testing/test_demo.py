@@ -42,7 +42,7 @@ def test_mesh_and_session_hold_the_same_smile(demo: DemoFiles) -> None:
     assert min(weights["mouthSmileLeft"], weights["mouthSmileRight"]) > 0.3
     assert max(weights["browInnerUpLeft"], weights["browInnerUpRight"]) > 0.3
     assert max(session.residuals_px) < 5.0
-    assert len(session.document.constraints) == 4
+    assert len(session.document.constraints) == 5
 
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from faceposer.gui.panels.details.sketch import draw_feature_list
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
+from faceposer.session.sketching import session_sketcher
 from faceposer.session.solver_worker import SolverWorker
 from faceposer.tools.sketch_edits import prepare_recognition
 from faceposer.tools.sketch_tool import SketchTool
@@ -26,7 +27,9 @@ class SketchFeature(Feature):
         super().__init__(context)
         self._overlay = SketchOverlay(context)
         self._job: ThreadJob[None] | None = None
+        # The model whose preparation has begun, and the one whose recogniser is ready.
         self._prepared: FaceModel | None = None
+        self._ready: FaceModel | None = None
         self._listed: int | None = None
 
     @property
@@ -42,7 +45,7 @@ class SketchFeature(Feature):
     @property
     def preparing(self) -> bool:
         """True while the recogniser is being prepared."""
-        return self._job is not None
+        return self._job is not None and self._ready is not self.context.session.model
 
     @property
     def hint(self) -> str:
@@ -79,9 +82,11 @@ class SketchFeature(Feature):
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
         """Draw the names of the sketches, and the list of features if it is open."""
-        if not self.context.comparing:
-            self._overlay.draw(draw, self.tool, self.chosen)
         tool = self.tool
+        if self.context.comparing:
+            tool.labels = tool.lists = {}
+        else:
+            self._overlay.draw(draw, tool, self.chosen)
         if tool.listing is not None:
             self._listed, tool.listing = tool.listing, None
             imgui.open_popup(_POPUP)
@@ -95,6 +100,10 @@ class SketchFeature(Feature):
 
         def work(_progress: Progress) -> None:
             prepare_recognition(model)
+            self._ready = model
+            self.context.wake()
+            # Needed if the user chooses the method of the paper.
+            _ = session_sketcher(model).paper
 
         self._job = ThreadJob(work, self.context.wake)
 

@@ -49,7 +49,7 @@ class SketchOverlay:
         self._record(labels, lists)
 
     def _named(self, tool: SketchTool, chosen: bool) -> Sequence[tuple[int, str, Array, Colour, float]]:
-        """Return index, name, line, colour and opacity of all that gets a name, the most important first."""
+        """Return index, name, line, colour and opacity of what gets a name: unfinished strokes, then from the top."""
         context, found = self._context, []
         if chosen and tool.preview is not None and tool.drawing is not None and tool.drawn_in is not None:
             seen = pixels_in_view(as_pixels(tool.drawing), tool.drawn_in, context.viewport.camera)
@@ -66,13 +66,13 @@ class SketchOverlay:
         hover = context.toolbox.hover
         if hover is not None and hover.pin is not None:
             pointed = hover.pin
-        for index, mark in sorted(context.drawn_constraints.marks.items(), key=lambda item: item[0] != pointed):
-            if not isinstance(mark, SketchMark) or index is None:
-                continue
+        marks = [mark for mark in context.drawn_constraints.marks.values() if isinstance(mark, SketchMark)]
+        for mark in sorted(marks, key=lambda mark: float(mark.line[:, 1].mean())):
+            index = mark.index
             lit = index == pointed or (context.points_shown and index in context.toolbox.selection)
             if lit or (chosen and context.points_shown and index not in hidden):
-                strength = (1.0 if lit else 0.75) * (1.0 if mark.own_view else 0.6)
-                found.append((index, mark.feature, mark.line, INK if lit else FAINT, strength))
+                strength = (1.0 if lit else 0.7) * (1.0 if mark.own_view else 0.6)
+                found.append((index, mark.feature, mark.line, INK, strength))
         return found
 
     def _draw_unfinished(self, painter: Painter, tool: SketchTool) -> None:

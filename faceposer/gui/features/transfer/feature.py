@@ -1,6 +1,5 @@
 """Transfer of the pose to another character: the state of the dialog, and the result."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import write_text
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
@@ -21,7 +19,7 @@ from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 from faceposer.session.transferred import transferred
-from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, pairs_to_json, read_pairs
+from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, read_pairs, write_pairs
 from faceposer.transfer.terms import PairPoints
 from faceposer.transfer.transfer import Method, make_transfer
 
@@ -148,7 +146,7 @@ class TransferFeature(Feature):
     def save_pairs(self, path: Path) -> None:
         """Save the list of pairs to the file ``path``."""
         try:
-            write_text(path, json.dumps(pairs_to_json(self.pairs), indent=1) + "\n", "list of pairs")
+            write_pairs(path, self.pairs)
         except FacePoserError as error:
             self.context.dialogs.report("The pairs cannot be saved", str(error))
             return

@@ -73,7 +73,8 @@ def mark_of(index: int, constraint: SketchConstraint, view: MarkView) -> SketchM
         else _lifted(part, constraint, positions, view)
         for part in (np.array(constraint.stroke), np.array(pixels))
     )
-    source = view.camera.project(positions[~view.hidden(points)])
+    # Shown while the sketch is highlighted: what faces away is left out, what something else hides is not.
+    source = view.camera.project(positions[~view.scene.facing_away(view.camera, points)])
     return SketchMark(index, constraint.feature, line, matched, view.camera.project(feet), source, own)
 
 

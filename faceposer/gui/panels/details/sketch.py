@@ -6,6 +6,7 @@ from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.sliders import weight_slider
+from faceposer.gui.widgets.basic import disabled
 from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.theme import FAINT, em
 from faceposer.gui.widgets.tooltips import tooltip
@@ -23,10 +24,14 @@ _LIST = 11.0
 def draw(context: EditorContext, index: int, constraint: SketchConstraint) -> None:
     """Draw the list of features, the button for the next one, and the weight."""
     _draw_combo(context, index, constraint.feature)
-    if imgui.button("Next feature", (-1.0, 0.0)) and not context.busy:
-        context.toolbox.sketch_tool.choose_next(index, context.viewport)
+    tool = context.toolbox.sketch_tool
+    others = any(candidate.feature != constraint.feature for candidate in tool.candidates_of(index, context.viewport))
+    with disabled(not others):
+        if imgui.button("Next feature", (-1.0, 0.0)) and not context.busy:
+            tool.choose_next(index, context.viewport)
     context.widget_rects.record("sketch:next")
-    tooltip("The next most probable feature; a click on the name at the stroke does the same")
+    tip = "The next most probable feature; a click on the name at the stroke does the same"
+    tooltip(tip if others else "No other feature is probable; choose any from the list above")
     weight_slider(context, index, constraint)
 
 
