@@ -108,10 +108,14 @@ class Study:
         pixels = np.array([camera.project(frame) for frame in places])
         return Trajectories(SEVEN, points, pixels + rng.normal(size=pixels.shape) * noise_px, RATE, camera)
 
+    def face_places(self, poses: Array) -> Array:
+        """Return the offsets of the face's vertices from the neutral face in ``poses``, (F, r), (F, n, 3), mm."""
+        return (poses.astype(np.float32) @ self._basis).reshape(len(poses), -1, 3)
+
     def measures(self, performance: Performance, weights: Array) -> dict[str, float]:
         """Return the error of a performance for the true ``weights``, (F, S), and its smoothness, in millimetres."""
         true = (weights.astype(np.float32) @ self._true_shapes).reshape(len(weights), -1, 3)
-        ours = (performance.coefficients.astype(np.float32) @ self._basis).reshape(true.shape)
+        ours = self.face_places(performance.coefficients)
         return {
             "error": float(np.linalg.norm(ours - true, axis=2).mean()),
             "of neutral": float(np.linalg.norm(true, axis=2).mean()),

@@ -5,7 +5,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from msgspec import UNSET, Meta, UnsetType
@@ -15,6 +15,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.sketch.inbetweens import Inbetweens, PointSpline, point_faces
 from faceposer.solve.constraints.codec import Coordinate, ShapeWeights, weights_to_json
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ LONGEST = 100_000
 TOLERANCE = 0.02
 FASTEST = 1000.0
 _MOST_COEFFICIENTS = 4096
+#: Ways to the poses between keys, the default first.
+INBETWEENS: tuple[Inbetweens, ...] = get_args(Inbetweens)
 
 Frame = Annotated[int, Meta(ge=0, lt=LONGEST)]
 
@@ -45,6 +48,7 @@ class KeyframesJson(JsonObject, kw_only=True):
     length: Annotated[int, Meta(ge=1, le=LONGEST)]
     keys: Annotated[list[_KeyJson], Meta(max_length=LONGEST)]
     loop: bool = False
+    inbetweens: Inbetweens = "poses"
 
     def __post_init__(self) -> None:
         """Check that the frames increase."""
@@ -57,7 +61,7 @@ class KeyframesJson(JsonObject, kw_only=True):
     def keyframes(self) -> "Keyframes":
         """Return the animation."""
         keys = tuple(key.key() for key in self.keys)
-        return Keyframes(keys, self.rate, self.length, self.loop)
+        return Keyframes(keys, self.rate, self.length, self.loop, self.inbetweens)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +92,9 @@ class Keyframes:
 
     Between two keys, each rig weight follows a cubic that stays in the range of its two key values (F. N. Fritsch and
     J. Butland, "A method for constructing local monotone piecewise cubic interpolants", 1984), so that an eye that
-    closes and opens again does not overshoot. The motion has zero velocity at the first and last key and is constant
+    closes and opens again does not overshoot. Alternatively, a spline through the feature points of the keys gives the
+    poses (``sketch.inbetweens``), which may overshoot; what the feature points do not tell of the keys follows the
+    cubics, so that keys are exact either way. The motion has zero velocity at the first and last key and is constant
     outside of them; a looping animation is periodic.
 
     Attributes:
@@ -96,12 +102,14 @@ class Keyframes:
         rate: Frames per second.
         length: Number of played frames, from 1 to ``LONGEST``.
         loop: True if frame ``length`` is frame 0 again.
+        inbetweens: "poses" for curves of rig weights, "feature points" for splines of feature points.
     """
 
     keys: tuple[Key, ...] = ()
     rate: float = 30.0
     length: int = 60
     loop: bool = False
+    inbetweens: Inbetweens = "poses"
 
     def __post_init__(self) -> None:
         frames = [key.frame for key in self.keys]
@@ -111,6 +119,8 @@ class Keyframes:
             raise ValueError(f"the frames of keys must be from 0 to {LONGEST - 1}")
         if not (1 <= self.length <= LONGEST and 0.0 < self.rate <= FASTEST):
             raise ValueError(f"{self.length} frames at {self.rate} per second are out of range")
+        if self.inbetweens not in INBETWEENS:
+            raise ValueError(f"in-betweens are {' or '.join(INBETWEENS)}, not {self.inbetweens!r}")
 
     # Queries
 
@@ -139,7 +149,9 @@ class Keyframes:
         if other is None or other is self:
             return other is self
         return (
-            (self.frames, self.rate, self.length, self.loop) == (other.frames, other.rate, other.length, other.loop)
+            self.frames == other.frames
+            and (self.rate, self.length, self.loop) == (other.rate, other.length, other.loop)
+            and self.inbetweens == other.inbetweens
             # An edit keeps the keys that it does not change.
             and all(
                 key is other_key or np.array_equal(key.pose, other_key.pose)
@@ -178,7 +190,7 @@ class Keyframes:
 
         The cubics interpolate rig weights and not coefficients, because monotone coefficients need not give monotone
         weights. The result is the closest pose of the subspace, which can exceed the range only by its truncation
-        error.
+        error. Splines of feature points are not limited to the range.
         """
         queries = np.asarray(frames, dtype=np.float64).reshape(-1)
         keys = [key for key in self.keys if not self.loop or key.frame < self.length]
@@ -186,21 +198,20 @@ class Keyframes:
             return np.zeros((len(queries), model.n_coefficients))
         if len(keys) == 1:
             return np.repeat(keys[0].pose[None], len(queries), axis=0)
-        # Imported late: it takes a good part of a second to load.
-        from scipy.interpolate import PchipInterpolator
-
         places = np.array([key.frame for key in keys], dtype=np.float64)
         poses = np.stack([key.pose for key in keys])
-        weights = poses @ model.subspace.directions.T
         if self.loop:
             queries = np.mod(queries, self.length)
             knots = np.concatenate([places[-2:] - self.length, places, places[:2] + self.length])
-            values = np.concatenate([weights[-2:], weights, weights[:2]])
+            values = np.concatenate([poses[-2:], poses, poses[:2]])
         else:
             queries = np.clip(queries, places[0], places[-1])
-            knots = np.concatenate([[places[0] - 1.0], places, [places[-1] + 1.0]])
-            values = np.concatenate([weights[:1], weights, weights[-1:]])
-        sampled: Array = PchipInterpolator(knots, values, axis=0)(queries) @ model.subspace.projection.T
+            knots, values = places, poses
+        if self.inbetweens == "poses":
+            sampled = _monotone(model, knots, values, self.loop, queries)
+        else:
+            spline = PointSpline(point_faces(model), knots, values)
+            sampled = spline.poses_at(queries) + _monotone(model, knots, spline.residuals, self.loop, queries)
         # The conversion to weights and back is inexact in the last digits: keys are returned exactly.
         nearest = np.minimum(np.searchsorted(places, queries), len(places) - 1)
         at_key = places[nearest] == queries
@@ -257,7 +268,23 @@ class Keyframes:
             "length": self.length,
             "loop": self.loop,
             "keys": [_key_to_json(key) for key in self.keys],
-        }
+        } | ({} if self.inbetweens == "poses" else {"inbetweens": self.inbetweens})
+
+
+def _monotone(model: FaceModel, knots: Array, poses: Array, periodic: bool, queries: Array) -> Array:
+    """Return the poses at ``queries``, shape (m, r), by monotone cubics through the rig weights of ``poses``, (n, r).
+
+    Unless they are ``periodic``, the cubics rest at the first and the last knot.
+    """
+    # Imported late: it takes a good part of a second to load.
+    from scipy.interpolate import PchipInterpolator
+
+    weights = poses @ model.subspace.directions.T
+    if not periodic:
+        knots = np.concatenate([[knots[0] - 1.0], knots, [knots[-1] + 1.0]])
+        weights = np.concatenate([weights[:1], weights, weights[-1:]])
+    sampled: Array = PchipInterpolator(knots, weights, axis=0)(queries) @ model.subspace.projection.T
+    return sampled
 
 
 def _key_to_json(key: Key) -> dict[str, Any]:

@@ -80,6 +80,18 @@ def frame_number(frame: int) -> int:
     return int(frame)
 
 
+def frame_count(length: int) -> int:
+    """Return ``length`` if an animation can have this number of frames.
+
+    Raises:
+        FacePoserError: If it is not a whole number, or out of range.
+    """
+    whole = isinstance(length, (int, np.integer)) and not isinstance(length, bool)
+    if not whole or not 1 <= length <= LONGEST:
+        raise FacePoserError(f"A length must be a whole number from 1 to {LONGEST}, not {_short_repr(length)}.")
+    return int(length)
+
+
 def image_size(size: tuple[int, int]) -> tuple[int, int]:
     """Return ``size`` if it is a valid size of an image.
 

@@ -2,12 +2,13 @@
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Self, get_args
 
 from faceposer.animation.following import solve_trajectories
-from faceposer.animation.keyframes import Keyframes
+from faceposer.animation.keyframes import INBETWEENS, Keyframes
 from faceposer.animation.trajectories import Trajectories
 from faceposer.animation.trajectory_io import read_trajectories
 from faceposer.api import checks
@@ -17,6 +18,7 @@ from faceposer.model.performance import Performance
 from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.transferred import transferred
+from faceposer.sketch.inbetweens import Inbetweens
 from faceposer.solve.problem import RECORDED_SPREAD
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
 from faceposer.transfer.transfer import Method, make_transfer
@@ -56,6 +58,34 @@ class MotionMixin:
         animation = self.session.animation
         animation.load(animation.keyframes.with_key(frame, self.session.coefficients), "Set a key", frame)
         self.session.wait()
+
+    def set_animation(
+        self,
+        length: int | None = None,
+        rate: float | None = None,
+        loop: bool | None = None,
+        inbetweens: Inbetweens | None = None,
+    ) -> None:
+        """Change settings of the animation, as one step; those that are None stay.
+
+        Args:
+            length: Number of frames.
+            rate: Frames per second.
+            loop: True if the first frame follows the last.
+            inbetweens: "poses" for curves of rig weights from key to key, "feature points" for splines of feature
+                points (docs/animation.md).
+        """
+        before = self.session.animation.keyframes
+        self.session.animation.change(
+            replace(
+                before,
+                length=before.length if length is None else checks.frame_count(length),
+                rate=before.rate if rate is None else checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate"),
+                loop=before.loop if loop is None else checks.one_of(loop, (False, True), "The loop"),
+                inbetweens=checks.one_of(inbetweens or before.inbetweens, INBETWEENS, "The in-betweens"),
+            ),
+            "Change the animation",
+        )
 
     def play(self, performance: Performance) -> None:
         """Replace the animation by ``performance``, with a key at every frame."""

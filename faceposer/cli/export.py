@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,6 +73,13 @@ def add_parser(commands: Any) -> None:
         metavar="FILE",
         help="write the animation of a file of weights: a take of Live Link Face or Face Cap (.csv, .txt), .json, or "
         "the morph targets of .glb",
+    )
+    parser.add_argument(
+        "--inbetweens",
+        choices=("poses", "feature points"),
+        metavar='poses|"feature points"',
+        help="motion between the keys of a session: curves of rig weights, or splines of feature points (default: that "
+        "of the session)",
     )
     parser.add_argument("--still", action="store_true", help="write the pose of a session, even if it has keys")
     parser.add_argument("--frame", type=_frame, metavar="N", help="frame of the weights in --pose, from 1 (default: 1)")
@@ -192,6 +200,11 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
             _print_cut(f"{options.pose}: {read.note}")
         return read.coefficients
     holds_animation = options.sequence is not None or format_of(options.output).animated
+    if options.inbetweens is not None:
+        controller = session.animation
+        if controller.performance is None:
+            raise FacePoserError(f"--inbetweens applies to the keys of a session, but '{options.what}' has none.")
+        controller.change(replace(controller.keyframes, inbetweens=options.inbetweens), "Change the in-betweens")
     performance = session.animation.performance if holds_animation and not options.still else None
     if performance is not None and len(performance) > 1:
         _print_cut(f"{options.what}: {len(performance)} frames at {performance.rate:g} fps")
@@ -209,6 +222,10 @@ def _check_options(options: argparse.Namespace) -> None:
 
     path: Path = options.output
     suffix = path.suffix.lower()
+    if options.inbetweens is not None and (options.animation or options.pose or options.still):
+        raise FacePoserError(
+            "--inbetweens applies to the keys of a session; leave out --animation, --pose and --still."
+        )
     if options.frame is not None and options.pose is None:
         raise FacePoserError("--frame selects a frame of the weights in --pose; give --pose as well.")
     if options.rate is not None and options.animation is None:

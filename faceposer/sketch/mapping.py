@@ -101,9 +101,17 @@ class MeshMapping:
         rank = min(len(points) - 1, latents.shape[1] - 1)
         return cls(of_points, of_meshes, PPCAMixture.fit(latents, components, rank, seed))
 
-    def coefficients(self, points: Array) -> Array:
-        """Return the coefficients, shape (n, r), of complete poses of feature points, shape (n, F, 3)."""
+    def coefficients(self, points: Array, blended: bool = False) -> Array:
+        """Return the coefficients, shape (n, r), of complete poses of feature points, shape (n, F, 3).
+
+        Args:
+            points: Positions of all feature points in each pose.
+            blended: True for the expectation over all components of the mixture, which is continuous in ``points``;
+                False for the likeliest component, as in the paper.
+        """
         given = self.points.latents(points.reshape(len(points), -1))
         q = self.points.n_dimensions
-        joint = self.joint.completed(np.arange(q), given)
-        return self.meshes.reconstructed(joint[:, q:])
+        seen = np.arange(q)
+        if blended:
+            return self.meshes.reconstructed(self.joint.expected(seen, given))
+        return self.meshes.reconstructed(self.joint.completed(seen, given)[:, q:])

@@ -141,6 +141,31 @@ class PPCAMixture:
         best = chances.argmax(axis=1), np.arange(len(values))
         return np.asarray((kept if keep else candidates)[best])
 
+    def expected(self, observed: Ids, values: Array) -> Array:
+        """Return the missing values that are expected given the observed ones, shape (n, d - o).
+
+        The expectation is over all components, and therefore a continuous function of ``values``; ``completed`` takes
+        the likeliest component.
+
+        Args:
+            observed: Indices of the observed dimensions, shape (o,).
+            values: Their values in each sample, shape (n, o).
+        """
+        missing = np.setdiff1d(np.arange(self.means.shape[1]), observed)
+        expectations = np.empty((self.n_components, len(values), len(missing)))
+        logs = np.empty((self.n_components, len(values)))
+        for k, (factors, variance) in enumerate(zip(self.factors, self.variances, strict=True)):
+            seen, deviations = factors[observed], values - self.means[k, observed]
+            inner = variance * np.eye(factors.shape[1]) + seen.T @ seen
+            projected = seen.T @ deviations.T
+            latent = np.linalg.solve(inner, projected)
+            expectations[k] = self.means[k, missing] + latent.T @ factors[missing].T
+            distance = (np.einsum("no,no->n", deviations, deviations) - (projected * latent).sum(axis=0)) / variance
+            determinant = np.linalg.slogdet(inner)[1] + (len(observed) - factors.shape[1]) * np.log(variance)
+            logs[k] = np.log(self.weights[k]) - 0.5 * (distance + determinant)
+        shares = np.exp(logs - np.logaddexp.reduce(logs, axis=0))
+        return np.asarray(np.einsum("kn,knm->nm", shares, expectations))
+
 
 class _Fitting:
     """EM in the span of the samples, whose deviations from it are zero in the remaining dimensions."""

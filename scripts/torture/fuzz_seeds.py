@@ -231,7 +231,14 @@ def _session(folder: Path, model: FaceModel) -> Any:
         "contact": True,
         "camera": _CAMERA,
         "photos": [{"path": "a.png", "size": [64, 48], "pins": [{"point": "8.3", "pixel": [3, 4]}], "opacity": 0.5}],
-        "animation": {"frame": 3, "rate": 30.0, "length": 20, "loop": False, "keys": keys},
+        "animation": {
+            "frame": 3,
+            "rate": 30.0,
+            "length": 20,
+            "loop": False,
+            "inbetweens": "feature points",
+            "keys": keys,
+        },
     }
     document = Document.from_json(data).resolved(model)
     write_document(folder / "stamped.json", document.with_version_data(model))

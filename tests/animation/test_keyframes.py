@@ -1,10 +1,13 @@
 """Keys, their edits, and the motion between them."""
 
+import time
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from faceposer.animation.keyframes import LONGEST, Key, Keyframes, KeyframesJson
+from faceposer.animation.keyframes import INBETWEENS, LONGEST, Key, Keyframes, KeyframesJson
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import convert
 from faceposer.model.face_model import FaceModel
@@ -26,9 +29,10 @@ def random_keys(model: FaceModel, frames: tuple[int, ...], seed: int = 0, **sett
     return Keyframes(tuple(keys), **settings)  # type: ignore[arg-type]
 
 
-def test_the_motion_passes_through_the_keys(model: FaceModel) -> None:
+@pytest.mark.parametrize("inbetweens", INBETWEENS)
+def test_the_motion_passes_through_the_keys(model: FaceModel, inbetweens: str) -> None:
     for loop in (False, True):
-        keyframes = random_keys(model, FRAMES, loop=loop)
+        keyframes = random_keys(model, FRAMES, loop=loop, inbetweens=inbetweens)
         performance = keyframes.performance(model)
         assert len(performance) == 60
         assert performance.rate == 30.0
@@ -50,8 +54,9 @@ def test_no_weight_leaves_the_range_between_two_keys(model: FaceModel, loop: boo
             assert (ends.min(axis=0) - weights).max() < 0.02
 
 
-def test_the_motion_is_smooth_and_rests_at_its_ends(model: FaceModel) -> None:
-    keyframes = random_keys(model, FRAMES)
+@pytest.mark.parametrize("inbetweens", INBETWEENS)
+def test_the_motion_is_smooth_and_rests_at_its_ends(model: FaceModel, inbetweens: str) -> None:
+    keyframes = random_keys(model, FRAMES, inbetweens=inbetweens)
     step = 1e-4
     for frame in FRAMES[1:-1]:
         before, here, after = keyframes.sampled(model, [frame - step, frame, frame + step])
@@ -63,8 +68,9 @@ def test_the_motion_is_smooth_and_rests_at_its_ends(model: FaceModel) -> None:
     np.testing.assert_array_equal(keyframes.sampled(model, [FRAMES[-1] + 5.0])[0], keyframes.keys[-1].pose)
 
 
-def test_a_loop_runs_smoothly_through_its_end(model: FaceModel) -> None:
-    keyframes = random_keys(model, FRAMES, loop=True)
+@pytest.mark.parametrize("inbetweens", INBETWEENS)
+def test_a_loop_runs_smoothly_through_its_end(model: FaceModel, inbetweens: str) -> None:
+    keyframes = random_keys(model, FRAMES, loop=True, inbetweens=inbetweens)
     np.testing.assert_allclose(keyframes.sampled(model, [60.0])[0], keyframes.keys[0].pose, atol=1e-12)
     np.testing.assert_allclose(keyframes.sampled(model, [61.5]), keyframes.sampled(model, [1.5]), atol=1e-12)
     between = keyframes.sampled(model, [55.0])[0]
@@ -74,6 +80,28 @@ def test_a_loop_runs_smoothly_through_its_end(model: FaceModel) -> None:
     # A key after the end is not played, and does not count.
     longer = keyframes.with_key(70, pose(model, jawOpen=1.0))
     np.testing.assert_array_equal(longer.performance(model).coefficients, keyframes.performance(model).coefficients)
+
+
+def test_feature_points_run_through_keys_where_weights_rest(model: FaceModel) -> None:
+    # The jaw opens half at the second key; at the third it opens no wider, and the spline swings beyond.
+    poses = [pose(model, jawOpen=value) for value in (0.0, 0.6, 0.6, 0.0)]
+    keys = tuple(Key.of(frame, one) for frame, one in zip((0, 10, 20, 30), poses, strict=True))
+    ours = Keyframes(keys, length=31)
+    points = replace(ours, inbetweens="feature points")
+    jaw = model.character.shape_names.index("jawOpen")
+    held = np.arange(11, 20)
+    np.testing.assert_allclose(model.weights_of(ours.sampled(model, held)[4])[jaw], 0.6, atol=0.02)
+    assert model.weights_of(points.sampled(model, held)[4])[jaw] > 0.65
+    assert not points.same(ours)
+    assert points.reduced(model, 0.02).inbetweens == "feature points"
+
+
+def test_a_frame_by_feature_points_is_quick(model: FaceModel) -> None:
+    keyframes = random_keys(model, FRAMES, length=600, inbetweens="feature points")
+    keyframes.sampled(model, [0])
+    began = time.process_time()
+    keyframes.performance(model)
+    assert (time.process_time() - began) / keyframes.length < 2e-3
 
 
 def test_none_one_and_two_keys(model: FaceModel) -> None:
@@ -132,6 +160,9 @@ def test_wrong_animations_are_refused_with_their_place(model: FaceModel) -> None
     good = random_keys(model, (0, 10), loop=True)
     again = convert(good.to_json(), KeyframesJson, "animation").keyframes()
     assert again.same(good)
+    assert "inbetweens" not in good.to_json(), "files are as they were"
+    points = replace(good, inbetweens="feature points")
+    assert convert(points.to_json(), KeyframesJson, "animation").keyframes().same(points)
     for change, expected in (
         ({"rate": 0}, "animation.rate"),
         ({"length": 0}, "animation.length"),
@@ -139,6 +170,7 @@ def test_wrong_animations_are_refused_with_their_place(model: FaceModel) -> None
         ({"loop": 1}, "animation.loop"),
         ({"keys": 3}, "animation.keys"),
         ({"speed": 3}, "'speed'"),
+        ({"inbetweens": "points"}, "animation.inbetweens"),
         ({"keys": [{"frame": -1, "coefficients": []}]}, r"animation.keys\[0\].frame"),
         ({"keys": [{"frame": LONGEST, "coefficients": []}]}, r"animation.keys\[0\].frame"),
         ({"keys": [{"frame": 1, "coefficients": ["a"]}]}, r"animation.keys\[0\].coefficients\[0\]"),
@@ -146,6 +178,11 @@ def test_wrong_animations_are_refused_with_their_place(model: FaceModel) -> None
     ):
         with pytest.raises(FacePoserError, match=expected):
             convert(good.to_json() | change, KeyframesJson, "animation")
-    for wrong in ({"rate": -1.0}, {"length": 0}, {"keys": (Key.of(3, [0.0]), Key.of(3, [0.0]))}):
+    for wrong in (
+        {"rate": -1.0},
+        {"inbetweens": "points"},
+        {"length": 0},
+        {"keys": (Key.of(3, [0.0]), Key.of(3, [0.0]))},
+    ):
         with pytest.raises(ValueError, match=r".+"):
             Keyframes(**wrong)  # type: ignore[arg-type]

@@ -341,6 +341,10 @@ def test_a_picture_comes_as_an_array_and_as_a_file(face: Face, tmp_path: Path) -
         ("face.set_key(-1)", "A frame must be a whole number"),
         ("face.set_key(1.5)", "A frame must be a whole number"),
         ("face.set_key('a')", "A frame must be a whole number"),
+        ("face.set_animation(length=0)", "A length must be a whole number"),
+        ("face.set_animation(rate=-1)", "The rate must be a number"),
+        ("face.set_animation(loop=3)", "The loop must be one of"),
+        ("face.set_animation(inbetweens='x')", "The in-betweens must be one of 'poses', 'feature points'"),
         ("face.play(Performance(np.zeros((2, 3)), 30.0))", "transfer the motion of another face"),
         ("face.play(np.zeros((2, 3)))", "A motion must be a Performance"),
         ("face.export('face.glb', Performance(np.zeros((2, 3)), 30.0))", "transfer the motion of another face"),
@@ -390,6 +394,14 @@ def test_pictures_without_background_and_sequences(tmp_path: Path) -> None:
     assert len([*folder.iterdir()]) == len(face.performance)
     with Image.open(folder / "yawn.0004.png") as written:
         assert (written.mode, written.size) == ("RGBA", (48, 64))
+    before = face.performance.coefficients
+    face.set_animation(length=12, rate=24.0, loop=True, inbetweens="feature points")
+    assert (len(face.performance), face.performance.rate) == (12, 24.0)
+    np.testing.assert_array_equal(face.performance.coefficients[3], before[3])
+    assert np.abs(face.performance.coefficients[11] - before[11]).max() > 1e-3, "it returns to the first key"
+    assert face.session.document.keyframes.inbetweens == "feature points"
+    face.session.undo()
+    np.testing.assert_array_equal(face.performance.coefficients, before)
     motion = faceposer.Performance(face.performance.coefficients[:2], 24.0)
     folder = face.export_sequence(tmp_path / "two", motion=motion, materials=False)
     assert sorted(path.name for path in folder.iterdir()) == ["two.0001.obj", "two.0002.obj"]

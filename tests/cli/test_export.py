@@ -1,6 +1,7 @@
 """``faceposer export``: every format from the command line, and one sentence for what cannot be."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,26 @@ def test_what_the_timeline_of_a_session_plays_goes_out(
     assert run("export", keys, "-o", tmp_path / "b.obj") == 0
     np.testing.assert_allclose(read_mesh(tmp_path / "b.obj").vertices, low.surface(jaw), atol=1e-4)
     assert run("export", keys, "-o", tmp_path / "c.glb", "--fps", 240, "--animation", take) == 0
+
+
+def test_inbetweens_are_those_of_the_session_or_of_the_option(low: FaceModel, tmp_path: Path, capsys: Capture) -> None:
+    jaw = low.coefficients_of({"jawOpen": 0.6})
+    keys = tuple(Key.of(frame, pose) for frame, pose in ((0, 0.0 * jaw), (4, jaw), (8, jaw)))
+    keyframes = Keyframes(keys, 24.0, 9)
+    frames = {}
+    for name, made in (("a", keyframes), ("b", replace(keyframes, inbetweens="feature points"))):
+        write_document(tmp_path / f"{name}.json", Document("low", keyframes=made).with_start(jaw).posed(jaw))
+        for option in ((), ("--inbetweens", "poses"), ("--inbetweens", "feature points")):
+            assert run("export", tmp_path / f"{name}.json", "-o", tmp_path / "out.json", *option) == 0
+            frames[name, option[-1:]] = np.array(json.loads((tmp_path / "out.json").read_text())["frames"])
+        written = Performance.weights(made.performance(low), low)
+        np.testing.assert_allclose(frames[name, ()], np.clip(written, 0.0, 1.0), atol=0.02)
+    np.testing.assert_allclose(frames["a", ("feature points",)], frames["b", ()], atol=1e-6)
+    np.testing.assert_allclose(frames["b", ("poses",)], frames["a", ()], atol=1e-6)
+    assert np.abs(frames["a", ()] - frames["b", ()]).max() > 0.01
+    capsys.readouterr()
+    assert run("export", "low", "-o", tmp_path / "c.json", "--inbetweens", "poses") == 2
+    assert "the keys of a session, but 'low' has none" in capsys.readouterr().err
 
 
 def test_a_pose_comes_from_a_file(low: FaceModel, take: Path, tmp_path: Path, capsys: Capture) -> None:

@@ -187,6 +187,33 @@ def test_settings_in_a_row_are_one_step(session: Session) -> None:
     assert animation.keyframes.length == 60
 
 
+def test_inbetweens_are_a_step_and_are_kept_in_the_file(session: Session, tmp_path: Path) -> None:
+    animated(session)
+    animation = session.animation
+    animation.go_to(7)
+    before = session.coefficients.copy()
+    animation.change(replace(animation.keyframes, inbetweens="feature points"), "Change the in-betweens")
+    after = session.coefficients.copy()
+    assert animation.shown == "between", "the face follows"
+    assert np.abs(after - before).max() > 1e-3
+    assert animation.performance is not None
+    np.testing.assert_allclose(animation.performance.coefficients[7], after, atol=1e-9)
+    session.save(tmp_path / "a.json")
+    again = Session(session.model, read_document(tmp_path / "a.json"))
+    assert again.animation.keyframes.same(animation.keyframes)
+    assert again.animation.shown == "between"
+    assert not again.dirty
+    assert again.animation.performance is not None
+    np.testing.assert_array_equal(again.animation.performance.coefficients, animation.performance.coefficients)
+    session.undo()
+    assert animation.keyframes.inbetweens == "poses"
+    np.testing.assert_array_equal(session.coefficients, before)
+    assert session.dirty
+    session.redo()
+    assert not session.dirty
+    np.testing.assert_array_equal(session.coefficients, after)
+
+
 def test_keys_are_kept_in_the_file(session: Session, tmp_path: Path) -> None:
     animated(session)
     animation = session.animation

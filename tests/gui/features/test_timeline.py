@@ -234,6 +234,28 @@ def test_length_and_rate_are_set_in_the_strip(robot: Robot) -> None:
     assert timeline(robot).keyframes.rate == 30.0
 
 
+def test_inbetweens_are_chosen_in_the_strip_and_in_the_menu(open_window: OpenWindow) -> None:
+    robot = open_window("man", (1360, 560), pictures=False)
+    app = robot.app
+    animate(robot)
+    scrub(robot, 7)
+    between = app.session.coefficients.copy()
+    robot.click_widget("inbetweens-shown")
+    robot.click_widget("inbetweens:feature points")
+    assert timeline(robot).keyframes.inbetweens == "feature points"
+    moved = app.session.coefficients
+    assert np.abs(moved - between).max() > 1e-4, "the shown frame follows"
+    assert timeline(robot).animation.performance is not None
+    np.testing.assert_allclose(timeline(robot).animation.performance.coefficients[7], moved, atol=1e-9)
+    robot.key("Ctrl+Z")
+    assert timeline(robot).keyframes.inbetweens == "poses"
+    np.testing.assert_array_equal(app.session.coefficients, between)
+    app.actions["inbetweens"].run()
+    assert timeline(robot).keyframes.inbetweens == "feature points"
+    app.actions["inbetweens"].run()
+    assert timeline(robot).keyframes.inbetweens == "poses"
+
+
 def test_the_wheel_zooms_and_the_middle_button_moves_along(robot: Robot) -> None:
     animate(robot)
     track = robot.app.features[TimelineFeature].track

@@ -22,6 +22,9 @@ def build_timeline_actions(timeline: TimelineEditor) -> list[Action]:
         keyframes = timeline.keyframes
         timeline.change(replace(keyframes, loop=not keyframes.loop), "Loop", merges=True)
 
+    def change_inbetweens() -> None:
+        timeline.set_inbetweens("poses" if timeline.keyframes.inbetweens == "feature points" else "feature points")
+
     return [
         Action(
             "timeline",
@@ -52,6 +55,16 @@ def build_timeline_actions(timeline: TimelineEditor) -> list[Action]:
             free,
             lambda: timeline.keyframes.loop,
             help="Play the animation in a loop, with a smooth transition from the last key to the first",
+        ),
+        Action(
+            "inbetweens",
+            "In-betweens by feature points",
+            _MENU,
+            change_inbetweens,
+            (),
+            free,
+            lambda: timeline.keyframes.inbetweens == "feature points",
+            help="Move between keys along splines of feature points: rounder, but the motion may go beyond the keys",
         ),
         Action(
             "set-key",

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Collection
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from faceposer.animation.keyframes import LONGEST, Key, Keyframes
 from faceposer.gui.context import EditorContext
+from faceposer.sketch.inbetweens import Inbetweens
 
 if TYPE_CHECKING:
     from faceposer.session.animating import AnimationController
@@ -217,6 +219,10 @@ class TimelineEditor:
     def select_all(self) -> None:
         """Select all keys."""
         self.select(self.keyframes.frames)
+
+    def set_inbetweens(self, inbetweens: Inbetweens) -> None:
+        """Change how the poses between keys are found, as one step."""
+        self.change(replace(self.keyframes, inbetweens=inbetweens), "Change the in-betweens")
 
     def change(self, keyframes: Keyframes, label: str, merges: bool = False) -> None:
         """Replace the animation as one step of the history, unless something is dragged.

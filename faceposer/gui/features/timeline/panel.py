@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from faceposer.animation.keyframes import LONGEST
+from faceposer.animation.keyframes import INBETWEENS, LONGEST
 from faceposer.gui.features.timeline.editor import TimelineEditor
 from faceposer.gui.features.timeline.track import Track, track_height
 from faceposer.gui.widgets.theme import (
@@ -24,11 +24,24 @@ from faceposer.gui.widgets.tooltips import tooltip
 
 if TYPE_CHECKING:
     from faceposer.session.animating import Shown
+    from faceposer.sketch.inbetweens import Inbetweens
 
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
 _PAD = 0.45
 # Widths of the strip, in units of the font size, below which the least important widgets are hidden.
-_NO_RATE, _NO_LENGTH, _NO_ENDS = 37.0, 30.0, 24.0
+_NO_INBETWEENS, _NO_RATE, _NO_LENGTH, _NO_ENDS = 46.0, 37.0, 30.0, 24.0
+# Ways to the poses between keys: label and tooltip.
+_INBETWEENS: dict["Inbetweens", tuple[str, str]] = {
+    "poses": (
+        "Poses",
+        "Each shape moves from key to key and never beyond: a closed lid stays closed between two keys that close it.",
+    ),
+    "feature points": (
+        "Feature points",
+        "Feature points move along splines through the keys, and the face follows: rounder, but the motion may go "
+        "beyond the keys.",
+    ),
+}
 # State of the current pose: label, colour and tooltip.
 _STATES: dict["Shown", tuple[str, Colour, str]] = {
     "unkeyed": ("No keys yet", FAINT, "Pose the face and set a key, then go to another frame and set the next one."),
@@ -112,7 +125,7 @@ def _draw_buttons(timeline: TimelineEditor) -> None:
 
 
 def _draw_fields(timeline: TimelineEditor) -> None:
-    """Draw the current frame, the length and the rate, as far as there is room."""
+    """Draw the current frame, the length, the rate and the in-betweens, as far as there is room."""
     rects = timeline.context.widget_rects
     imgui.begin_disabled(not timeline.reachable)
     imgui.set_next_item_width(em(3.9))
@@ -127,6 +140,8 @@ def _draw_fields(timeline: TimelineEditor) -> None:
         _draw_length(timeline)
     if _width_in_em() > _NO_RATE:
         _draw_rate(timeline)
+    if _width_in_em() > _NO_INBETWEENS:
+        _draw_inbetweens(timeline)
     imgui.end_disabled()
     imgui.same_line(0.0, em(0.9))
 
@@ -161,6 +176,25 @@ def _draw_rate(timeline: TimelineEditor) -> None:
             if pressed:
                 timeline.change(replace(keyframes, rate=rate), "Change the frame rate", merges=True)
         imgui.end_combo()
+
+
+def _draw_inbetweens(timeline: TimelineEditor) -> None:
+    present, rects = timeline.keyframes.inbetweens, timeline.context.widget_rects
+    imgui.same_line()
+    imgui.set_next_item_width(em(8.6))
+    opened = imgui.begin_combo("##inbetweens", _INBETWEENS[present][0])
+    rects.record("inbetweens-shown")
+    if not opened:
+        tooltip(f"In-betweens: the motion between two keys.\n{_INBETWEENS[present][1]}")
+        return
+    for value in INBETWEENS:
+        label, meaning = _INBETWEENS[value]
+        pressed, _ = imgui.selectable(label, value == present)
+        rects.record(f"inbetweens:{value}")
+        tooltip(meaning)
+        if pressed:
+            timeline.set_inbetweens(value)
+    imgui.end_combo()
 
 
 def _draw_state(timeline: TimelineEditor) -> None:
