@@ -46,7 +46,7 @@ def printable(text: str, most: int = _LONGEST_MESSAGE) -> str:
     text = _cut(text, most)
     if text.isprintable():
         return text
-    escaped = (char if _is_shown(char) else char.encode("unicode_escape").decode("ascii") for char in text)
+    escaped = (char if is_shown(char) else char.encode("unicode_escape").decode("ascii") for char in text)
     return _cut("".join(escaped), most)
 
 
@@ -57,7 +57,8 @@ def _cut(text: str, most: int) -> str:
     return f"{text[:begin]} ... {text[len(text) - (most - 5 - begin) :]}"
 
 
-def _is_shown(char: str) -> bool:
+def is_shown(char: str) -> bool:
+    """Return True if ``char`` can be seen, or is a space."""
     return char.isprintable() or unicodedata.category(char) == "Zs"
 
 

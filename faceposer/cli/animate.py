@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, add_rate_option, add_spread, number_between
+from faceposer.cli.arguments import add_contact_option, add_rate_option, add_spread, number_between, output_path
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.files.atomic import check_not_input
 
@@ -25,7 +25,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "-o",
         "--output",
-        type=Path,
+        type=output_path,
         metavar="OUT",
         required=True,
         help="animation to write: weights (.json, or .csv for Live Link Face), .glb, .gif or .mp4",

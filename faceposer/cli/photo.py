@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_spread
+from faceposer.cli.arguments import add_spread, number, output_path
 from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_not_input, check_output
 
@@ -37,14 +37,19 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--pins", type=Path, metavar="PINS.json", required=True, help="pins on the photo (docs/photo.md)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
     parser.add_argument(
-        "--focal", type=float, metavar="PX", help="focal length in pixels (default: from EXIF, else estimated)"
+        "-o", "--output", type=output_path, metavar="SESSION.json", required=True, help="session to write"
+    )
+    parser.add_argument(
+        "--focal", type=number, metavar="PX", help="focal length in pixels (default: from EXIF, else estimated)"
     )
     add_spread(parser, "that of the session, else 0.5")
     parser.add_argument("--no-pose", action="store_true", help="align the camera only, without posing the face")
     parser.add_argument(
-        "--render", type=Path, metavar="OUT.png", help="also render the photo, the face over it and the face alone"
+        "--render",
+        type=output_path,
+        metavar="OUT.png",
+        help="also render the photo, the face over it and the face alone",
     )
 
 

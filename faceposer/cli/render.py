@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, image_size
+from faceposer.cli.arguments import add_contact_option, image_size, output_path
 from faceposer.files.atomic import check_output
 
 NAME = "render"
@@ -19,7 +19,7 @@ def add_parser(commands: Any) -> None:
         NAME, help="render a face", description="Render a character, a session or a mesh as a PNG image."
     )
     parser.add_argument("what", metavar="CHARACTER|SESSION|MESH", help="name of a character, session file or mesh file")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="image to write")
+    parser.add_argument("-o", "--output", type=output_path, metavar="OUT.png", required=True, help="image to write")
     parser.add_argument("--view", choices=_VIEWS, default="front", help="view to render (default: front)")
     parser.add_argument(
         "--size",

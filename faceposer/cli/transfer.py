@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option
+from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option, output_path
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_not_input
@@ -45,7 +45,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "-o",
         "--output",
-        type=Path,
+        type=output_path,
         metavar="OUT",
         required=True,
         help="session, or weights for the animation of a capture (.json); or .csv, .glb, .gif, .mp4, .obj, .ply, .png",
@@ -82,7 +82,7 @@ def add_parser(commands: Any) -> None:
 
 
 def _frames(text: str) -> slice:
-    match = re.fullmatch(r"(\d{1,9})(?:(:)(\d{0,9}))?", text)
+    match = re.fullmatch(r"([0-9]{1,9})(?:(:)([0-9]{0,9}))?", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"'{text}' is not a frame such as 120 or a range such as 100:200")
     first = int(match[1])

@@ -118,13 +118,11 @@ def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
     If ``path`` is a link, the empty folder that it leads to is replaced, and the link remains.
 
     Raises:
-        FacePoserError: If ``path`` is not an empty folder, or if it cannot be written.
+        FacePoserError: If ``path`` is not an empty folder with a name, or if it cannot be written.
     """
-    place = _followed(path, kind)
+    place = _new_folder(path, kind)
     temporary = temporary_path(place)
     try:
-        if path_checks.exists(place) and (not path_checks.is_dir(place) or any(place.iterdir())):
-            raise FacePoserError(f"'{path}' exists and is not an empty folder; give the name of a new one.")
         remove_left(place.parent)
         temporary.mkdir()
         yield temporary
@@ -191,6 +189,17 @@ def check_folder_of(path: Path) -> None:
         raise FacePoserError(f"The folder '{folder}' of the output is not writable; choose another.")
 
 
+def check_sequence_folder(path: Path) -> None:
+    """Check that ``atomic_folder`` could write the folder ``path``, before any work is done for it.
+
+    Raises:
+        FacePoserError: If it could not.
+    """
+    if reason := path_checks.problem(path):
+        raise FacePoserError(f"The output '{path}' cannot be written: {reason}.")
+    check_folder_of(_new_folder(path, "output"))
+
+
 def check_new_folder(path: Path) -> None:
     """Check that the folder ``path`` could be written, or created with its parents, before any work is done for it.
 
@@ -206,6 +215,24 @@ def check_new_folder(path: Path) -> None:
         raise FacePoserError(f"The folder '{path}' cannot be created, since '{folder}' is a file.")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FacePoserError(f"The folder '{folder}' is not writable; choose another.")
+
+
+def _new_folder(path: Path, kind: str) -> Path:
+    """Return the new or empty folder that a write to ``path`` replaces, ``path`` or what it leads to.
+
+    Raises:
+        FacePoserError: If it has no name of its own, as "." has none, or is not an empty folder.
+    """
+    if path.name in ("", ".."):
+        raise FacePoserError(f"'{path}' is not the name of a new folder; give a name, such as '{path / 'frames'}'.")
+    place = _followed(path, kind)
+    try:
+        is_free = not path_checks.exists(place) or (path_checks.is_dir(place) and not any(place.iterdir()))
+    except OSError as error:
+        raise FacePoserError(_cannot(kind, path, error)) from error
+    if not is_free:
+        raise FacePoserError(f"'{path}' exists and is not an empty folder; give the name of a new one.")
+    return place
 
 
 def _replaced(path: Path, kind: str) -> Path:

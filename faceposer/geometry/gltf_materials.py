@@ -1,6 +1,7 @@
 """Materials of a glTF file: names, colour textures and texture coordinates."""
 
 from dataclasses import dataclass
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,11 +105,18 @@ def read_textures(file: GltfFile, names: list[str], used: set[str]) -> tuple[dic
                 reader.problem(name, f"textures[{texture.integer('index')}]", "it has no image")
                 continue
             image = file.get("images", holder, "source")
-            uri = image.text("uri")
-            title = image.place if not uri or uri.startswith("data:") else uri
+        except FacePoserError:
+            reader.problem(name, texture.place, "it refers to a texture or an image that does not exist")
+            continue
+        uri = image.text("uri")
+        title = image.place if not uri or uri.startswith("data:") else unquote(uri)
+        if uri and (reason := file.unusable(uri)):
+            reader.problem(name, title, reason)
+            continue
+        try:
             encoded = file.resource(image, uri) if uri else bytes(file.view(image)[0])
         except FacePoserError:
-            reader.problem(name, f"{material.place}", "its image is missing or cannot be read")
+            reader.problem(name, title, "its data is missing or damaged")
             continue
         reader.read(name, title, encoded)
     return reader.textures, reader.notes

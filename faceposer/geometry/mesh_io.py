@@ -49,6 +49,8 @@ def read_mesh(path: Path) -> PolygonMesh:
 
 def _read(path: Path) -> PolygonMesh:
     suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise FacePoserError(f"'{path}' is not a supported mesh; choose a file of type {', '.join(MESH_SUFFIXES)}.")
     if suffix == ".obj":
         _check_lines(path)
     if suffix in GLTF_SUFFIXES:
@@ -74,8 +76,6 @@ def _check_lines(path: Path) -> None:
 
 
 def _read_with_trimesh(path: Path) -> PolygonMesh:
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise FacePoserError(f"'{path}' is not a supported mesh; choose a file of type {', '.join(MESH_SUFFIXES)}.")
     import trimesh  # imported late, since it takes over a second
 
     file_type = path.suffix.lower().removeprefix(".")

@@ -1,17 +1,20 @@
 """Summaries of characters and their training as text, JSON and plots."""
 
+import importlib.util
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import atomic_file
+from faceposer.files import paths
+from faceposer.files.atomic import atomic_file, check_new_folder, check_output
 from faceposer.files.writing import with_null, write_json
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import whole_shape_of
 
+_TEXT, _PLOT = "summary.json", "summary.png"
 _MANY = 6
 _LONGEST_LINE = 4000
 # Reconstruction error above which a shape is reported.
@@ -152,6 +155,27 @@ def findings_of(character: Character, model: FaceModel) -> list[str]:
     return [printable(finding, _LONGEST_LINE) for finding in found]
 
 
+def check_summary(folder: Path, has_plots: bool) -> None:
+    """Check that ``write_summary`` could write into ``folder``, before any work is done for it.
+
+    Args:
+        folder: The folder, which need not exist.
+        has_plots: True if the training yields curves to plot.
+
+    Raises:
+        FacePoserError: If it could not.
+    """
+    check_new_folder(folder)
+    if paths.is_dir(folder):
+        check_output(folder / _TEXT, ".json")
+        check_output(folder / _PLOT, ".png")
+    if has_plots and importlib.util.find_spec("matplotlib") is None:
+        raise FacePoserError(
+            "The plot of the summary needs matplotlib, which is not installed: pip install 'faceposer[plots]', or "
+            "leave out the summary."
+        )
+
+
 def write_summary(folder: Path, character: Character) -> None:
     """Write ``summary.json`` and ``summary.png`` into ``folder``, which is created if it does not exist.
 
@@ -162,8 +186,8 @@ def write_summary(folder: Path, character: Character) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(f"The summary cannot be written to '{folder}': {error.strerror}.") from error
-    write_json(folder / "summary.json", description_of(character), "summary", ascii_only=False)
-    _plot(folder / "summary.png", character)
+    write_json(folder / _TEXT, description_of(character), "summary", ascii_only=False)
+    _plot(folder / _PLOT, character)
 
 
 def _plot(path: Path, character: Character) -> None:
