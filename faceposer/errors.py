@@ -62,9 +62,15 @@ def is_shown(char: str) -> bool:
     return char.isprintable() or unicodedata.category(char) == "Zs"
 
 
-def counted(count: int, one: str, many: str) -> str:
-    """Return ``count`` with the noun for it, such as "1 vertex"."""
-    return f"{count} {one if count == 1 else many}"
+def counted(count: int, one: str, many: str = "") -> str:
+    """Return ``count`` with the noun for it, such as "1 vertex".
+
+    Args:
+        count: The number.
+        one: The noun in the singular.
+        many: The noun in the plural; "" for one with an added "s".
+    """
+    return f"{count} {one if count == 1 else many or f'{one}s'}"
 
 
 def short_name(name: str) -> str:

@@ -15,7 +15,7 @@ from faceposer.cli.arguments import (
     output_path,
 )
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError, printable
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_not_input, check_sequence_folder
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def run(options: argparse.Namespace) -> int:
                 line.share(share)
     finally:
         line.clear()
-    print(f"{path} written" if options.sequence is None else f"{len(motion)} files written to {path}")
+    print(f"{path} written" if options.sequence is None else f"{counted(len(motion), 'file')} written to {path}")
     return 0
 
 
@@ -191,7 +191,7 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
     if options.animation is not None:
         animation = read_performance(options.animation, model, options.rate)
         count, rate = len(animation.performance), animation.performance.rate
-        length = f"{count} frames at {rate:g} fps" if count > 1 else "a single frame"
+        length = f"{counted(count, 'frame')} at {rate:g} fps" if count > 1 else "a single frame"
         _print_cut(f"{options.animation}: {length}")
         print_notes(options.animation, animation.note)
         return animation.performance
@@ -203,7 +203,7 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
     holds_animation = options.sequence is not None or format_of(options.output).animated
     performance = session.animation.performance if holds_animation and not options.still else None
     if performance is not None and len(performance) > 1:
-        _print_cut(f"{options.what}: {len(performance)} frames at {performance.rate:g} fps")
+        _print_cut(f"{options.what}: {counted(len(performance), 'frame')} at {performance.rate:g} fps")
         return performance
     return session.coefficients
 

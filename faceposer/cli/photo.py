@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_spread, number, output_path
-from faceposer.errors import FacePoserError, printable
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_not_input, check_output
 
 if TYPE_CHECKING:
@@ -109,7 +109,10 @@ def run(options: argparse.Namespace) -> int:
     session.save(options.output, camera)
     mean = sum(aligned_errors.values()) / len(aligned_errors)
     count = len(session.document.constraints)
-    print(f"{options.output} written: {len(aligned_errors)} pins, mean error {mean:.1f} px, {count} constraints")
+    print(
+        f"{options.output} written: {counted(len(aligned_errors), 'pin')}, mean error {mean:.1f} px, "
+        f"{counted(count, 'constraint')}"
+    )
     if mean > _LARGEST_ERROR * _extent([pin for i, pin in enumerate(pins) if i in aligned_errors]):
         print("No camera explains these pins: check the feature point of each pin, and the focal length.")
     return 0

@@ -16,7 +16,7 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError, short_name
+from faceposer.errors import FacePoserError, counted, short_name
 from faceposer.files import paths
 from faceposer.files.json_documents import parse_json
 from faceposer.files.reading import read_bytes
@@ -199,7 +199,7 @@ class GltfFile:
     def _chunks(self, data: memoryview) -> tuple[memoryview, memoryview | None]:
         """Return the JSON chunk and the binary chunk, if any, of a GLB (4.4)."""
         truncated = FacePoserError(
-            f"The rig '{self.path}' is truncated after {len(data)} bytes; copy or export it again."
+            f"The rig '{self.path}' is truncated after {counted(len(data), 'byte')}; copy or export it again."
         )
         if len(data) < 20:
             raise truncated
@@ -351,7 +351,7 @@ class GltfFile:
         if accessor.data.get("bufferView") is not None:
             values = self._array(accessor, count, columns, dtype)
         elif count > _MAX_UNBACKED:
-            raise accessor.error(f"it has {count} entries without data, more than {_MAX_UNBACKED}")
+            raise accessor.error(f"it has {counted(count, 'entry', 'entries')} without data, more than {_MAX_UNBACKED}")
         else:
             values = np.broadcast_to(np.zeros(1, dtype), (count, columns))
         if accessor.data.get("sparse") is None:
@@ -361,7 +361,7 @@ class GltfFile:
         indices, replacements = sparse.child("indices"), sparse.child("values")
         index = self._array(indices, number, 1, self._dtype(indices))[:, 0]
         if index.dtype.kind == "f" or (number and int(index.max()) >= count):
-            raise indices.error(f"an index is not one of the accessor's {count} entries")
+            raise indices.error(f"an index is not one of the accessor's {counted(count, 'entry', 'entries')}")
         values = values.copy()
         values[index] = self._array(replacements, number, columns, dtype)
         return values
@@ -382,7 +382,9 @@ class GltfFile:
             raise by.error(f"its entries of {size} bytes overlap with a stride of {stride}")
         end = start + (count - 1) * stride + size if count else start
         if end > len(data):
-            raise by.error(f"its {count} entries end at byte {end} of a buffer view of {len(data)}")
+            raise by.error(
+                f"its {counted(count, 'entry', 'entries')} end at byte {end} of a buffer view of {len(data)}"
+            )
         if count == 0:
             return np.zeros((0, columns), dtype)
         return np.ndarray((count, columns), dtype, buffer=data, offset=start, strides=(stride, dtype.itemsize))

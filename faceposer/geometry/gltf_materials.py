@@ -6,7 +6,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
 from faceposer.geometry.texture_images import TextureReader
 
@@ -73,7 +73,7 @@ def texture_coordinates(
         return None
     uv = file.floats(attributes, channel, "VEC2").astype(np.float64)
     if len(uv) != count:
-        raise attributes.error(f"{len(uv)} texture coordinates for {count} vertices")
+        raise attributes.error(f"{len(uv)} texture coordinates for {counted(count, 'vertex', 'vertices')}")
     if material.transform is not None:
         with np.errstate(over="ignore", invalid="ignore"):
             uv = uv @ material.transform[:2, :2].T + material.transform[:2, 2]

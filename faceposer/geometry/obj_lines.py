@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.obj_blocks import (
     LONGEST_STATEMENT,
     MOST_CORNERS,
@@ -109,5 +109,5 @@ def _index(word: str, count: int) -> int:
         raise ValueError(f"'{word[:20]}' is not the index of a vertex") from None
     index = value - 1 if value > 0 else count + value
     if value == 0 or not 0 <= index < count:
-        raise ValueError(f"index {value} is out of range for the {count} entries listed before")
+        raise ValueError(f"index {value} is out of range for the {counted(count, 'entry', 'entries')} listed before")
     return index

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import atomic_file
 from faceposer.files.reading import read_bytes
 from faceposer.files.writing import check_finite
@@ -192,7 +192,9 @@ def _read_element(
             continue
         wide = max(lengths[lists.index(i)] for lengths in kinds)
         if element.count * wide > _MAX_ENTRIES:
-            raise ValueError(f"its {element.count} lists of up to {wide} entries in '{element.name}' are too large")
+            raise ValueError(
+                f"its {counted(element.count, 'list')} of up to {wide} entries in '{element.name}' are too large"
+            )
         values = np.full((element.count, wide), -1.0)
         counts = np.zeros(element.count, dtype=np.intp)
         row = 0
@@ -254,7 +256,9 @@ def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
     inside = np.arange(polygons.shape[1]) < lengths[:, None]
     wrong = (inside & ((polygons < 0) | (polygons >= len(vertices)) | (polygons % 1 != 0))).any(axis=1)
     if wrong.any():
-        raise ValueError(f"face {int(np.argmax(wrong)) + 1} has a corner outside the {len(vertices)} vertices")
+        raise ValueError(
+            f"face {int(np.argmax(wrong)) + 1} has a corner outside the {counted(len(vertices), 'vertex', 'vertices')}"
+        )
     faces = polygons.astype(np.int32)
     uv, polygon_uvs = np.zeros((0, 2)), no_polygons()
     for names in _UV_NAMES:

@@ -218,7 +218,9 @@ def read_performance(path: Path, model: FaceModel, rate: float | None = None) ->
     if known is None and len(weights) > 1:
         notes.append(assumed_rate("It does not state a rate"))
     if ignored:
-        notes.append(f"{ignored} of its {len(names)} shapes were ignored, because {title} does not have them.")
+        notes.append(
+            f"{ignored} of its {counted(len(names), 'shape')} were ignored, because {title} does not have them."
+        )
     if rate is not None and path.suffix.lower() in GLTF:
         # Keys of glTF are at seconds, which stay.
         performance = resampled(Performance.from_weights(model, weights, named.rate or rate), rate)

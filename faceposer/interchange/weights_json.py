@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonError, check_header, convert, read_json, shown
 from faceposer.files.writing import check_finite, json_text
@@ -41,7 +41,9 @@ class _WeightsFile(Struct):
             raise JsonError(f"has {shown(duplicate)} twice", "names")
         for i, frame in enumerate(self.frames):
             if len(frame) != len(self.names):
-                raise JsonError(f"must be a list of {len(self.names)} weights, one for each name", f"frames[{i}]")
+                raise JsonError(
+                    f"must be a list of {counted(len(self.names), 'weight')}, one for each name", f"frames[{i}]"
+                )
 
 
 def write_weights(path: Path, model: FaceModel, motion: NDArray[np.float64] | Performance) -> None:

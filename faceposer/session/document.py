@@ -13,7 +13,7 @@ from msgspec import UNSET, Meta, UnsetType, field
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.animation.keyframes import Frame, Keyframes, KeyframesJson
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.paths import expand_user
@@ -257,7 +257,8 @@ class Document:
         for name, pose in poses:
             if pose is not None and len(pose) != model.n_coefficients:
                 raise FacePoserError(
-                    f"{name} has {len(pose)} numbers, but the character '{self.character}' has {model.n_coefficients} "
+                    f"{name} has {counted(len(pose), 'number')}, but the character '{self.character}' has "
+                    f"{model.n_coefficients} "
                     "coefficients; remove the key to start from the neutral face."
                 )
         start = model.neutral() if self.start is None else self.start

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
@@ -156,7 +156,8 @@ class _PoseConverter:
             return pose
         if len(weights) != len(self._names):
             raise FacePoserError(
-                f"{where} has {len(weights)} numbers, but character.shapes has {len(self._names)} names."
+                f"{where} has {counted(len(weights), 'number')}, but character.shapes has "
+                f"{counted(len(self._names), 'name')}."
             )
         same_rig = self._names == tuple(model.character.shape_names) and len(pose) == model.n_coefficients
         if same_rig and np.abs(model.weights_of(pose) - weights).max(initial=0.0) <= _SAME_WEIGHT:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.model.character_file import load_character
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_weights
@@ -51,7 +51,7 @@ class LearnedStatistics:
     def warnings(self) -> list[str]:
         """Shortcomings of the takes and of the choice, one sentence each."""
         lost = [
-            f"The capture '{name}' has {count} frames without a face, which were ignored."
+            f"The capture '{name}' has {counted(count, 'frame')} without a face, which were ignored."
             for (name, _), count in zip(self.takes, self.lost, strict=False)
             if count
         ]
@@ -87,7 +87,8 @@ def learn_from_captures(
         captures.append(read_capture(path))
         if len(captures[-1].weights) < _FEWEST_FRAMES:
             raise FacePoserError(
-                f"The capture '{path}' has {len(captures[-1].weights)} frames with a face, too few to learn from; "
+                f"The capture '{path}' has {counted(len(captures[-1].weights), 'frame')} with a face, too few "
+                f"to learn from; "
                 f"record at least {_FEWEST_FRAMES} frames."
             )
     names = shapes_of(captures)

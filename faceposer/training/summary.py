@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from faceposer.errors import FacePoserError, printable
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files import paths
 from faceposer.files.atomic import atomic_file, check_new_folder, check_output
 from faceposer.files.writing import with_null, write_json
@@ -44,7 +44,8 @@ def text_of_summary(character: Character) -> str:
     """Return a summary of a character in a few lines of text."""
     about = description_of(character)
     lines = [
-        f"{character.title} ('{character.name}'): {about['file_vertices']} vertices, {len(character.polygons)} faces, "
+        f"{character.title} ('{character.name}'): {counted(about['file_vertices'], 'vertex', 'vertices')}, "
+        f"{counted(len(character.polygons), 'face')}, "
         f"parts: {', '.join(part.name for part in character.parts)}",
     ]
     try:
@@ -61,7 +62,7 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
     """Return the lines about the training."""
     lines = []
     if summary.get("kind") == "rig":
-        lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
+        lines.append(f"{arkit_shapes_of(summary)}, {counted(summary['dimensions'], 'dimension')}")
         for key, words in (
             ("missing", "missing"),
             ("empty", "empty (without motion)"),
@@ -77,7 +78,9 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
                 f"{share:.1f} % of it lost"
             )
     elif summary:
-        lines.append(f"{summary['examples']} examples, {summary['dimensions']} modes; neutral: {summary['neutral']}")
+        lines.append(
+            f"{counted(summary['examples'], 'example')}, {summary['dimensions']} modes; neutral: {summary['neutral']}"
+        )
         worst = summary["worst"]
         lines.append(
             f"kept energy {_percent(summary['kept_energy'])}; worst region {worst['region']}, "
@@ -86,11 +89,11 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
         if "markers" in summary:
             marked = summary["markers"]
             lines.append(
-                f"{marked['frames']} frames of markers, {marked['frames_left_out']} skipped, "
-                f"{marked['gaps_filled']} gaps filled"
+                f"{counted(marked['frames'], 'frame')} of markers, {marked['frames_left_out']} skipped, "
+                f"{counted(marked['gaps_filled'], 'gap')} filled"
             )
     else:
-        lines.append(f"{len(character.shape_names)} shapes")
+        lines.append(f"{counted(len(character.shape_names), 'shape')}")
     lines += _prior_lines(summary.get("prior", {}))
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
@@ -124,7 +127,8 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
     ]
     if prior.get("takes"):
         lines.append(
-            "learned from " + ", ".join(f"{take['file']} ({take['frames']} frames)" for take in prior["takes"])
+            "learned from "
+            + ", ".join(f"{take['file']} ({counted(take['frames'], 'frame')})" for take in prior["takes"])
         )
     if prior.get("missing_channels"):
         lines.append(f"no channel in the performances: {_listed(prior['missing_channels'])}")
