@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, image_size, output_path
+from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_output
 
 NAME = "render"
@@ -51,6 +52,13 @@ def run(options: argparse.Namespace) -> int:
         write_png(options.output, image)
     else:
         from faceposer.api import Face
+        from faceposer.files import paths
+
+        if Path(options.what).suffix.lower() not in ("", ".json", ".npz") and paths.exists(options.what):
+            raise FacePoserError(
+                f"'{options.what}' cannot be rendered; give a character (.npz), a session (.json) or a mesh "
+                f"({', '.join(MESH_SUFFIXES)})."
+            )
         from faceposer.cli.opening import open_with_remark
 
         face = Face(open_with_remark(options.what))

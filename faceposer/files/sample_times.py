@@ -31,7 +31,7 @@ _SLOWEST_CAMERA = 10.0
 _NEARLY_EVEN = 0.15
 _MOST_FRAMES = 1_000_000
 # Empty frames per sample, beyond which times cannot be right.
-_MOST_EMPTY, _SMALL = 100, 100_000
+_MOST_EMPTY, _SMALL = 100, 20_000
 # Frames beyond which numbers of frames and times are not exact.
 _FARTHEST = 1e12
 
@@ -101,7 +101,7 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
     places[kept] = order
     length = int(order[-1]) + 1
     if rate is not None:
-        if _too_empty(length, count):
+        if too_empty(length, count):
             return frames_in_order(count, rate)
         return Frames(rate, places, length, True, notes)
     since = times[kept] - times[kept][0]
@@ -128,7 +128,7 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
             f"Its samples are {shortest:.0f} to {longest:.0f} ms apart; they were interpolated at {found:.5g} frames "
             "per second.",
         )
-    if _too_empty(length, count):
+    if too_empty(length, count):
         raise _mostly_empty(where, count, length / found)
     return Frames(found, places, length, even, notes)
 
@@ -172,7 +172,7 @@ def frames_numbered(numbers: Array, where: str, rate: float | None) -> Frames:
     # Takes may have every second number or fewer.
     places = (numbers - numbers[0]) / float(np.gcd.reduce(steps.astype(np.int64)))
     length = int(places[-1]) + 1
-    if _too_empty(length, len(numbers)):
+    if too_empty(length, len(numbers)):
         raise FacePoserError(
             f"'{where}' has {len(numbers)} frames with numbers up to {numbers[-1]:.6g}, most of which are missing; "
             "correct the numbers or split it."
@@ -359,7 +359,8 @@ def _off(difference: Array) -> float:
     return float(np.ptp(difference)) / 2.0
 
 
-def _too_empty(length: int, count: int) -> bool:
+def too_empty(length: float, count: int) -> bool:
+    """Return True if ``length`` frames are too many for ``count`` samples, most of which would be made up."""
     return length > max(min(_MOST_EMPTY * count, _MOST_FRAMES), _SMALL)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted, short_name
 from faceposer.files import paths
-from faceposer.files.json_documents import parse_json
+from faceposer.files.json_documents import parse_json, shown
 from faceposer.files.reading import read_bytes
 
 _MAX_BYTES = 1 << 30
@@ -26,6 +26,21 @@ _MAX_BYTES = 1 << 30
 _MAX_UNBACKED = 1_000_000
 #: Bound on numbers in the JSON, which keeps products of a few of them finite.
 _LARGEST = 1e30
+#: Nouns for the entries of the lists of a file, singular and plural.
+_NOUNS = {
+    "accessors": ("accessor",),
+    "animations": ("animation",),
+    "buffers": ("buffer",),
+    "bufferViews": ("buffer view",),
+    "images": ("image",),
+    "materials": ("material",),
+    "meshes": ("mesh", "meshes"),
+    "nodes": ("node",),
+    "samplers": ("sampler",),
+    "scenes": ("scene",),
+    "skins": ("skin",),
+    "textures": ("texture",),
+}
 _MAGIC = b"glTF"
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:|//")
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -70,7 +85,7 @@ class GltfObject:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= high:
-            reason = "is missing" if value is None else f"is {str(value)[:40]!r}, not an integer from 0 to {high}"
+            reason = "is missing" if value is None else f"is {shown(value)}, not an integer from 0 to {high}"
             raise self.error(f"'{key}' {reason}")
         return value
 
@@ -234,7 +249,7 @@ class GltfFile:
         entries = self.all(kind)
         index = by.integer(key)
         if index >= len(entries):
-            raise by.error(f"'{key}' is {index}, but there are {len(entries)} {kind}")
+            raise by.error(f"'{key}' is {index}, but the file has {counted(len(entries), *_NOUNS[kind])}")
         return entries[index]
 
     def resource(self, by: GltfObject, uri: str) -> bytes:

@@ -24,6 +24,8 @@ GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
 #: Limits on a face: far more than any has, and less than would exhaust memory.
 MAX_VERTICES = 5_000_000
 MAX_OFFSET_BYTES = 2 << 30
+# Rigs of games and films have up to about a thousand.
+_MOST_TARGETS = 4_000
 _MAX_TRIANGLES = 20_000_000
 _MAX_PIECES = 10_000
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -90,6 +92,10 @@ def read_gltf(path: Path, weights_range: float | None = None) -> MorphMesh:
     if not count:
         raise FacePoserError(f"The scene of the rig '{path}' has no mesh with faces; add the face to its scene.")
     names = dict.fromkeys(name for part in parts for name in part.names)
+    if len(names) > _MOST_TARGETS:
+        raise FacePoserError(
+            f"The rig '{path}' has {len(names)} morph targets; at most {_MOST_TARGETS} are read. Export the face only."
+        )
     expressions = _new_expressions(file, parts, list(names), weights_range)
     n_targets = len(names) + len(expressions.shares)
     size = n_targets * count * 12

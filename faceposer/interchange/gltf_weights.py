@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
+from faceposer.files.sample_times import too_empty
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
 from faceposer.interchange.named_weights import NamedWeights
 
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 _MAX_FRAMES = 1_000_000
 _MAX_WEIGHTS = 50_000_000
 _LOWEST_RATE, _HIGHEST_RATE = 1.0, 240.0
-_MAX_NAMES = 10_000
+_MAX_NAMES = 4_000
 # Share of the shorter of two clips that lies in the time span of the other if they belong together.
 _COMMON_SPAN = 0.5
 # Difference between weights that is a conflict.
@@ -220,6 +221,12 @@ def _resampled(curves: list[_Curve], path: Path, notes: tuple[str, ...]) -> Name
     begin = min(curve.times[0] for curve in curves)
     end = max(curve.times[-1] for curve in curves)
     count = (end - begin) * rate + 1
+    keys = max(len(curve.times) for curve in curves)
+    if count <= _MAX_FRAMES and too_empty(count, keys):
+        raise FacePoserError(
+            f"The animation in '{path}' has {counted(keys, 'key')} in {end - begin:.6g} seconds, which would become "
+            f"{count:.0f} frames; correct its times or split it."
+        )
     if not count <= _MAX_FRAMES:
         raise FacePoserError(f"The animation in '{path}' has {count:.0f} frames, more than {_MAX_FRAMES}.")
     if count * len(curves) > _MAX_WEIGHTS:

@@ -266,10 +266,22 @@ class Document:
         for i, constraint in enumerate(self.constraints):
             try:
                 constraints.append(constraint.resolved(model, start))
+                _check_in_front(constraints[-1], model, start)
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
         photos = tuple(photo if photo.camera is not None else _aligned(photo, model, start) for photo in self.photos)
         return replace(self, constraints=tuple(constraints), photos=photos)
+
+
+def _check_in_front(constraint: Constraint, model: FaceModel, start: NDArray[np.float64]) -> None:
+    """Raise a ValueError if a point of ``constraint`` on the face ``start`` lies behind its camera."""
+    camera = constraint.camera
+    if camera is None or not len(constraint.points):
+        return
+    depths = camera.to_camera(model.positions_at(constraint.points, start))[:, 2]
+    if depths.min() <= 0.0:
+        what = "its point lies" if len(depths) == 1 else "points of it lie"
+        raise ValueError(f"{what} behind its camera; correct the camera's rotation and translation")
 
 
 def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo:

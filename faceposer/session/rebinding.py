@@ -56,9 +56,11 @@ def rebind(document: Document, model: FaceModel) -> Rebinding:
         FacePoserError: If the weights of a pose do not match the names of the shapes.
     """
     made_on, name = document.made_on, Path(document.character).stem
+    zeros = _zeros_note(document, model)
     document = _with_neutral(replace(document, made_on=None), model)
     if made_on is None:
-        return _without_version(document, model, name)
+        rebinding = _without_version(document, model, name)
+        return replace(rebinding, remark=" ".join(filter(None, (rebinding.remark, zeros))))
     remarks: list[str] = []
     poses = _PoseConverter(model, made_on.version)
     document = _without_unusable_pose(poses.convert(document, made_on), model)
@@ -103,6 +105,18 @@ def _with_neutral(document: Document, model: FaceModel) -> Document:
     # Without constraints, the pose is the start.
     pose = start if document.coefficients is document.start else fitting(document.coefficients)
     return replace(document, start=start, coefficients=pose)
+
+
+def _zeros_note(document: Document, model: FaceModel) -> str:
+    """Return the sentence about a neutral pose with another number of coefficients; "" if there is none."""
+    for pose in (document.coefficients, document.start):
+        if pose is not None and len(pose) != model.n_coefficients and not pose.any():
+            found = counted(len(pose), "number")
+            return (
+                f"Its pose has {found} instead of {model.n_coefficients}; since all are 0, it was read as the neutral "
+                "face."
+            )
+    return ""
 
 
 def _without_unusable_pose(document: Document, model: FaceModel) -> Document:
