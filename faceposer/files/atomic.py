@@ -58,7 +58,7 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     Raises:
         FacePoserError: If a file cannot be written; the old files are then restored.
     """
-    files = [_replaced(path, kind) for path in paths]
+    files = [_replaced(path, kind if path == paths[-1] else "file") for path in paths]
     whole = [path_checks.resolved(file) for file in files]
     if len(set(whole)) < len(whole):
         names = " and ".join(f"'{path}'" for path, file in zip(paths, whole, strict=True) if whole.count(file) > 1)
