@@ -5,6 +5,8 @@ import math
 import re
 from pathlib import Path
 
+from faceposer.files.numbers import plain_float
+
 
 def output_path(text: str) -> Path:
     """Parse ``text`` as the path of an output.
@@ -20,7 +22,7 @@ def output_path(text: str) -> Path:
 def number(text: str) -> float:
     """Parse ``text`` as a number in plain digits, without "_" or the digits of other scripts; NaN if it is none."""
     try:
-        return float(text) if text.isascii() and "_" not in text else math.nan
+        return plain_float(text)
     except ValueError:
         return math.nan
 

@@ -58,7 +58,13 @@ _READABLE_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"BM", b"GIF8", b"RIFF")
 
 
 def open_image(file: IO[bytes]) -> "ImageFile":
-    """Open the image in ``file`` with Pillow, if it has one of the `FORMATS`; errors are those of ``Image.open``."""
+    """Open the image in ``file`` with Pillow, if it has one of the `FORMATS`.
+
+    Raises:
+        OSError: If it is damaged (without ``strerror``), or cannot be read.
+        PIL.UnidentifiedImageError: If it is no image in one of the formats.
+        PIL.Image.DecompressionBombError: If it has too many pixels.
+    """
     from PIL import Image, UnidentifiedImageError
 
     # Pillow may have been built without some of them; finding out takes a while, and is needed for rare formats only.
@@ -66,6 +72,9 @@ def open_image(file: IO[bytes]) -> "ImageFile":
     try:
         return Image.open(file, formats=_among(Image.OPEN))
     except UnidentifiedImageError:
+        file.seek(0)
+        if file.read(8).startswith(_READABLE_STARTS[:4]):
+            raise OSError("the image is damaged") from None
         Image.init()
         file.seek(0)
         return Image.open(file, formats=_among(Image.OPEN))

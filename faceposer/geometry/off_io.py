@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from faceposer.errors import FacePoserError, counted
+from faceposer.files.numbers import plain_float
 from faceposer.files.reading import open_text
 from faceposer.geometry.polygon_mesh import PolygonMesh, pad_polygons
 
@@ -91,11 +92,9 @@ def _integer(path: Path, number: int, word: str) -> int:
 
 def _number(path: Path, number: int, word: str) -> float:
     try:
-        if word.isascii() and "_" not in word:
-            return float(word)
+        return plain_float(word)
     except ValueError:
-        pass
-    raise _error(path, number, f"'{word[:40]}' is not a number")
+        raise _error(path, number, f"'{word[:40]}' is not a number") from None
 
 
 def _error(path: Path, number: int, reason: str) -> FacePoserError:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import atomic_file
+from faceposer.files.numbers import plain_float
 from faceposer.files.reading import read_bytes
 from faceposer.files.writing import check_finite
 from faceposer.geometry.polygon_mesh import PolygonMesh, no_polygons, pad_polygons
@@ -153,7 +154,7 @@ def _numbers(text: bytes) -> NDArray[np.float64]:
             pass
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            [float(word) for word in line.split()]
+            [plain_float(word) for word in line.decode("latin-1").split()]
         except ValueError as error:
             raise ValueError(f"line {number} after its header has a value that is not a number") from error
     return np.array(text.split(), dtype=np.float64)
