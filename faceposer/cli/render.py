@@ -40,12 +40,14 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.geometry.mesh_io import MESH_SUFFIXES
 
     if Path(options.what).suffix.lower() in MESH_SUFFIXES:
+        from faceposer.cli.opening import print_notes
         from faceposer.geometry.camera import OrbitView
-        from faceposer.geometry.mesh_io import read_mesh
+        from faceposer.geometry.mesh_io import read_mesh, texture_notes
         from faceposer.render.images import write_png
         from faceposer.render.offscreen import render_mesh
 
         mesh = read_mesh(Path(options.what))
+        print_notes(options.what, " ".join(texture_notes(Path(options.what), mesh)))
         view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
         camera = view.camera(options.size)
         image = render_mesh(mesh.vertices, mesh.triangles(), camera, transparent=options.transparent)

@@ -12,6 +12,7 @@ from faceposer.errors import FacePoserError, counted
 from faceposer.files.reading import open_file
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh import first_unusable
+from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.geometry.obj_io import read_obj
 from faceposer.geometry.off_io import read_off
 from faceposer.geometry.ply_io import read_ply
@@ -24,6 +25,13 @@ _MAX_BYTES_OBJ, _MAX_LINES, _LONGEST_LINE = 160 << 20, 4_000_000, 1 << 22
 # The readers of trimesh take many times the size of a file.
 _MAX_BYTES_TRIMESH = 128 << 20
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
+
+
+def texture_notes(path: Path, mesh: PolygonMesh) -> tuple[str, ...]:
+    """Return sentences about the textures of the ``mesh`` in ``path`` that cannot be used."""
+    if path.suffix.lower() in GLTF_SUFFIXES:
+        return read_gltf(path).notes
+    return read_obj_textures(path, mesh)[1] if path.suffix.lower() == ".obj" else ()
 
 
 def read_mesh(path: Path) -> PolygonMesh:
