@@ -57,6 +57,11 @@ def _cut(text: str, most: int) -> str:
     return f"{text[:begin]} ... {text[len(text) - (most - 5 - begin) :]}"
 
 
+def there_are(count: int, one: str, many: str = "") -> str:
+    """Return a clause such as "there is 1 vertex"; see ``counted`` for the arguments."""
+    return f"there {'is' if count == 1 else 'are'} {counted(count, one, many)}"
+
+
 def is_shown(char: str) -> bool:
     """Return True if ``char`` can be seen, or is a space."""
     return char.isprintable() or unicodedata.category(char) == "Zs"

@@ -93,7 +93,9 @@ def foreign_format(start: bytes, name: Path | str = "") -> str:
     """
     if start.startswith(_READABLE_STARTS):
         return ""
-    if start[4:8] == b"ftyp" and b"avif" not in start and b"avis" not in start:
+    if start[4:8] == b"ftyp":
+        if b"avif" in start or b"avis" in start:
+            return ""
         brand = start[8:12]
         if brand in _HEIC_BRANDS:
             return _FOREIGN[".heic"]

@@ -16,7 +16,7 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError, counted, short_name
+from faceposer.errors import FacePoserError, counted, short_name, there_are
 from faceposer.files import paths
 from faceposer.files.json_documents import parse_json, shown
 from faceposer.files.reading import read_bytes
@@ -85,7 +85,7 @@ class GltfObject:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= high:
-            reason = "is missing" if value is None else f"is {shown(value)}, not an integer from 0 to {high}"
+            reason = "is missing" if value is None else f"is {_said(value)}, not an integer from 0 to {high}"
             raise self.error(f"'{key}' {reason}")
         return value
 
@@ -144,6 +144,10 @@ class GltfObject:
         if not isinstance(values, list) or not all(isinstance(v, dict) for v in values):
             raise self.error(f"'{key}' must be a list of objects")
         return [GltfObject(self._path, f"{place}[{i}]", v) for i, v in enumerate(values)]
+
+
+def _said(value: Any) -> str:
+    return f"the text {shown(value)}" if isinstance(value, str) else shown(value)
 
 
 def clean_name(text: str) -> str:
@@ -249,7 +253,7 @@ class GltfFile:
         entries = self.all(kind)
         index = by.integer(key)
         if index >= len(entries):
-            raise by.error(f"'{key}' is {index}, but the file has {counted(len(entries), *_NOUNS[kind])}")
+            raise by.error(f"'{key}' is {index}, but {there_are(len(entries), *_NOUNS[kind])}")
         return entries[index]
 
     def resource(self, by: GltfObject, uri: str) -> bytes:
