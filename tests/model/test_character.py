@@ -214,7 +214,7 @@ def with_member(path: Path, name: str, values: np.ndarray) -> Path:
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
-        ("vertices", lambda v: np.zeros_like(v), "all its vertices lie at one place"),
+        ("vertices", np.zeros_like, "all its vertices lie at one place"),
         ("vertices", lambda v: np.full_like(v, 2.0**31), "all its vertices lie at one place"),
         ("vertices", lambda v: v * np.float32(1e-9), "all its vertices lie at one place"),
         ("vertices", lambda v: v * np.array([1, 0, 0], np.float32), "all its vertices lie on a line"),
