@@ -1,15 +1,18 @@
 """Streams that are closed, early Ctrl+C, outputs without a name, and numbers in other digits."""
 
+import json
 import os
 import shlex
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from faceposer.model.character_file import load_character, save_character
 from tests.command_line import run, run_captured
 
 Capture = pytest.CaptureFixture[str]
@@ -185,3 +188,38 @@ def test_parts_of_a_mesh_that_are_folders_or_pipes_are_named(tmp_path: Path, cap
     os.mkfifo(tmp_path / "c_skin.jpg")
     assert run("export", "low", "-o", tmp_path / "c.obj") == 0
     assert (tmp_path / "c_skin.jpg").is_fifo()
+
+
+def damaged(folder: Path) -> Path:
+    """Return a character whose texture of the eyes is damaged."""
+    path = folder / "damaged.npz"
+    low = load_character("low")
+    save_character(path, replace(low, textures={**low.textures, "eye": low.textures["eye"][:100]}))
+    return path
+
+
+def test_damaged_textures_are_found_and_not_written(tmp_path: Path, capsys: Capture) -> None:
+    path = damaged(tmp_path)
+    status, _, said = run_captured(capsys, "character", "check", path)
+    assert status == 2
+    assert said.startswith(
+        f"The character file '{path}' cannot be used: its texture 'eye' is unusable, since it is dam"
+    )
+    for name in ("a.obj", "a.glb"):
+        status, _, said = run_captured(capsys, "export", path, "-o", tmp_path / name)
+        assert status == 2
+        assert "the texture 'eye' of the character is unusable, since it is damaged; create the character again" in said
+    assert [file.name for file in tmp_path.iterdir()] == ["damaged.npz"]
+    assert run("export", path, "--no-materials", "-o", tmp_path / "a.obj") == 0
+    assert run("character", "check", "low") == 0
+
+
+def test_json_has_no_invisible_characters(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "a.npz"
+    title = "Left\u202eright\u200b\x1b \u00fc"
+    save_character(path, replace(load_character("low"), title=title))
+    capsys.readouterr()
+    status, said, _ = run_captured(capsys, "character", "info", "--json", path)
+    assert status == 0
+    assert json.loads(said)["title"] == title
+    assert all(char.isprintable() or char == "\n" for char in said)
