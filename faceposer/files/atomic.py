@@ -132,6 +132,12 @@ def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
         _sync_folder(place.parent)
     except OSError as error:
         raise FacePoserError(_cannot(kind, path, error)) from error
+    except FacePoserError as error:
+        # Writers of the files in it name the temporary folder.
+        said = str(error).replace(str(temporary), str(path))
+        if said == str(error):
+            raise
+        raise FacePoserError(said) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

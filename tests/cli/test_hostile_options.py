@@ -202,9 +202,7 @@ def test_damaged_textures_are_found_and_not_written(tmp_path: Path, capsys: Capt
     path = damaged(tmp_path)
     status, _, said = run_captured(capsys, "character", "check", path)
     assert status == 2
-    assert said.startswith(
-        f"The character file '{path}' cannot be used: its texture 'eye' is unusable, since it"
-    )
+    assert said.startswith(f"The character file '{path}' cannot be used: its texture 'eye' is unusable, since it")
     for name in ("a.obj", "a.glb"):
         status, _, said = run_captured(capsys, "export", path, "-o", tmp_path / name)
         assert status == 2
