@@ -63,7 +63,7 @@ def test_special_files_and_folders_are_refused_before_the_work(tmp_path: Path) -
     (tmp_path / "device.png").symlink_to("/dev/null")
     for name, what in (("pipe", "is a device"), ("folder", "is a folder"), ("device", "leads to a device")):
         paths = [tmp_path / f"{name}.png", tmp_path / "a.obj"]
-        with pytest.raises(FacePoserError, match=f"The mesh '.*{name}.png' cannot be written: it {what}"):
+        with pytest.raises(FacePoserError, match=f"The file '.*{name}.png' cannot be written: it {what}"):
             write(paths, "new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["device.png", "folder.png", "pipe.png"]
 
