@@ -26,21 +26,6 @@ _MAX_BYTES = 1 << 30
 _MAX_UNBACKED = 1_000_000
 #: Bound on numbers in the JSON, which keeps products of a few of them finite.
 _LARGEST = 1e30
-#: Nouns for the entries of the lists of a file, singular and plural.
-_NOUNS = {
-    "accessors": ("accessor",),
-    "animations": ("animation",),
-    "buffers": ("buffer",),
-    "bufferViews": ("buffer view",),
-    "images": ("image",),
-    "materials": ("material",),
-    "meshes": ("mesh", "meshes"),
-    "nodes": ("node",),
-    "samplers": ("sampler",),
-    "scenes": ("scene",),
-    "skins": ("skin",),
-    "textures": ("texture",),
-}
 _MAGIC = b"glTF"
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:|//")
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -253,7 +238,9 @@ class GltfFile:
         entries = self.all(kind)
         index = by.integer(key)
         if index >= len(entries):
-            raise by.error(f"'{key}' is {index}, but {there_are(len(entries), *_NOUNS[kind])}")
+            raise by.error(
+                f"'{key}' is {index}, but {there_are(len(entries), kind.removesuffix('es' if kind == 'meshes' else 's'), kind)}"
+            )
         return entries[index]
 
     def resource(self, by: GltfObject, uri: str) -> bytes:
