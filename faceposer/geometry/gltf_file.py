@@ -238,9 +238,8 @@ class GltfFile:
         entries = self.all(kind)
         index = by.integer(key)
         if index >= len(entries):
-            raise by.error(
-                f"'{key}' is {index}, but {there_are(len(entries), kind.removesuffix('es' if kind == 'meshes' else 's'), kind)}"
-            )
+            one = kind.removesuffix("es" if kind == "meshes" else "s")
+            raise by.error(f"'{key}' is {index}, but {there_are(len(entries), one, kind)}")
         return entries[index]
 
     def resource(self, by: GltfObject, uri: str) -> bytes:
