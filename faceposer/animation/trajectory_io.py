@@ -11,7 +11,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from faceposer.animation.trajectories import Trajectories
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json, shown
 from faceposer.files.sample_rates import USUAL_RATE, nearest_known
 from faceposer.files.sample_times import assumed_rate
@@ -148,7 +148,8 @@ def trajectories_from_json(
         columns.append(_column(point.positions, camera is not None, f"{where}.positions"))
         if len(columns[-1]) != len(columns[0]):
             raise FacePoserError(
-                f"{where} has {len(columns[-1])} positions, but points[0] has {len(columns[0])}; give one or null per "
+                f"{where} has {counted(len(columns[-1]), 'position')}, but points[0] has {len(columns[0])}; "
+                f"give one or null per "
                 "frame."
             )
     positions = np.stack(columns, axis=1)
@@ -315,7 +316,9 @@ def _checked(
     options: "_Options",
 ) -> Trajectories:
     if len(positions) > _MAX_FRAMES:
-        raise FacePoserError(f"'{path}' has {len(positions)} frames, more than the maximum of {_MAX_FRAMES}; split it.")
+        raise FacePoserError(
+            f"'{path}' has {counted(len(positions), 'frame')}, more than the maximum of {_MAX_FRAMES}; split it."
+        )
     if not np.isfinite(positions).all(axis=2).any():
         raise FacePoserError(f"No point is visible in any frame of '{path}'; check the file.")
     far = np.argwhere(np.abs(positions) > _FARTHEST)

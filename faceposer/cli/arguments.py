@@ -3,6 +3,36 @@
 import argparse
 import math
 import re
+from pathlib import Path
+
+from faceposer.files.numbers import plain_float
+
+
+def output_path(text: str) -> Path:
+    """Parse ``text`` as the path of an output.
+
+    Raises:
+        ArgumentTypeError: If it is empty.
+    """
+    if not text.strip():
+        raise argparse.ArgumentTypeError("its name is empty; give a file or folder")
+    return Path(text)
+
+
+def number(text: str) -> float:
+    """Parse ``text`` as a number in plain digits, without "_" or the digits of other scripts; NaN if it is none."""
+    try:
+        return plain_float(text)
+    except ValueError:
+        return math.nan
+
+
+def whole_number(text: str, least: int, most: int) -> int | None:
+    """Parse ``text`` as a whole number from ``least`` to ``most`` in plain digits; None if it is none."""
+    # The length is checked first, since the time for conversion grows with its square.
+    if not (text.isascii() and text.isdigit() and len(text) <= len(str(most))) or not least <= int(text) <= most:
+        return None
+    return int(text)
 
 
 def number_between(text: str, least: float, most: float) -> float:
@@ -11,10 +41,7 @@ def number_between(text: str, least: float, most: float) -> float:
     Raises:
         ArgumentTypeError: If ``text`` is not such a number.
     """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least:g} to {most:g}")
     return value
@@ -82,7 +109,7 @@ def image_size(text: str, least: int, most: int, example: str = "960x720") -> tu
     Raises:
         ArgumentTypeError: If ``text`` is not a size, or a side is not from ``least`` to ``most`` pixels.
     """
-    match = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text)
+    match = re.fullmatch(r"([0-9]{1,5})[xX]([0-9]{1,5})", text)
     sides = tuple(int(side) for side in match.groups()) if match else ()
     if len(sides) != 2 or not all(least <= side <= most for side in sides):
         raise argparse.ArgumentTypeError(f"'{text}' is not a size such as {example}, with sides from {least} to {most}")

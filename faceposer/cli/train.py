@@ -4,10 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from faceposer.cli.arguments import number, output_path, whole_number
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import check_new_folder, check_not_input, check_output
+from faceposer.files.atomic import check_not_input, check_output
 
 NAME = "train"
 
@@ -28,7 +29,7 @@ def add_parser(commands: Any) -> None:
     source.add_argument(
         "--markers", type=Path, metavar="FILE", help="motion of markers on a performer's face (.c3d, .csv, .trc)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.npz", required=True, help="character to write")
+    parser.add_argument("-o", "--output", type=output_path, metavar="OUT.npz", required=True, help="character to write")
     parser.add_argument(
         "--capture",
         type=Path,
@@ -47,7 +48,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--weights-range",
-        type=float,
+        type=number,
         choices=(1.0, 100.0),
         metavar="1|100",
         help="full weight of the expressions of a VRM avatar (default: by its version and largest weight)",
@@ -78,22 +79,27 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--title", help="display name (default: from the name)")
     parser.add_argument("--credits", default="", help="origin and licence of the character")
     parser.add_argument(
-        "--summary", type=Path, metavar="DIR", help="also write a summary of the training as summary.json and .png"
+        "--summary",
+        type=output_path,
+        metavar="DIR",
+        help="also write a summary of the training as summary.json and .png",
     )
 
 
 def _count(text: str) -> int:
-    if not text.isdigit() or not 1 <= int(text) <= 500:
+    count = whole_number(text, 1, 500)
+    if count is None:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to 500")
-    return int(text)
+    return count
 
 
 def _regions(text: str) -> str | int:
     if text in ("face", "whole"):
         return text
-    if not text.isdigit() or not 2 <= int(text) <= 12:
+    count = whole_number(text, 2, 12)
+    if count is None:
         raise argparse.ArgumentTypeError(f"'{text}' is not 'face', 'whole' or a number from 2 to 12")
-    return int(text)
+    return count
 
 
 def run(options: argparse.Namespace) -> int:
@@ -102,11 +108,12 @@ def run(options: argparse.Namespace) -> int:
     check_not_input(options.output, options.examples, options.scan)
     if options.summary is not None and paths.exists(options.summary) and not paths.is_dir(options.summary):
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
-    if options.summary is not None:
-        check_new_folder(options.summary)
     from faceposer.model.character_file import save_character
     from faceposer.training.request import TrainingRequest, plain_name, train
-    from faceposer.training.summary import text_of_summary, write_summary
+    from faceposer.training.summary import check_summary, text_of_summary, write_summary
+
+    if options.summary is not None:
+        check_summary(options.summary, has_plots=options.rig is None)
 
     kind = next(kind for kind in ("rig", "examples", "markers") if getattr(options, kind) is not None)
     name = options.name or plain_name(options.output)

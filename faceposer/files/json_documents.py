@@ -84,7 +84,6 @@ def read_json(
     kind: str,
     parse: Callable[[Any], T],
     max_bytes: int = 2**20,
-    unique_keys: bool = False,
     prepare: Callable[[bytes], bytes] = bytes,
 ) -> T:
     """Return the result of ``parse`` for the JSON in the file ``path``: UTF-8, with or without a byte order mark.
@@ -94,15 +93,16 @@ def read_json(
         kind: Noun for messages, such as "session".
         parse: Converts the data; raises ``FacePoserError`` with a sentence about the content.
         max_bytes: Maximum size of the file.
-        unique_keys: True to reject objects with duplicate keys; else the last value counts.
         prepare: Converts the content of the file to such JSON.
+
+    Objects with duplicate keys are rejected, since all values but one would be lost.
 
     Raises:
         UnreadableError: If the file cannot be read.
         FacePoserError: If the content is invalid; the message names the file and the place in it.
     """
     try:
-        data = parse_json(prepare(read_bytes(path, max_bytes)), unique_keys)
+        data = parse_json(prepare(read_bytes(path, max_bytes)), unique_keys=True)
     except RefusedError as error:
         raise FacePoserError(f"The {kind} '{path}' cannot be read: {error.strerror}.") from error
     except OSError as error:

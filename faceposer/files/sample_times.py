@@ -16,7 +16,7 @@ _FEW = 10
 _MANY_EQUAL, _MOST_REPEATED = 0.05, 0.2
 _MOST_FRAMES = 1_000_000
 # Empty frames per sample, beyond which times cannot be right.
-_MOST_EMPTY, _SMALL = 100, 100_000
+_MOST_EMPTY, _SMALL = 100, 20_000
 # Seconds between samples, below which their rate may not be a number.
 _CLOSEST = 1e-6
 # Frames beyond which numbers of frames and times are not exact.
@@ -108,8 +108,8 @@ def frames_at(seconds: Array, where: str, rate: float | None = None) -> Frames:
         if found.kind == "uneven":
             places[kept] = np.arange(float(len(kept)))
             length = len(kept)
-        return frames_in_order(count, rate) if _too_empty(length, count) else Frames(rate, places, length, True, notes)
-    if _too_empty(length, count):
+        return frames_in_order(count, rate) if too_empty(length, count) else Frames(rate, places, length, True, notes)
+    if too_empty(length, count):
         raise _mostly_empty(where, count, length / found.rate)
     if found.kind == "frames":
         return Frames(found.rate, places, length, True, notes)
@@ -128,7 +128,7 @@ def _keys(places: Array, found: float, where: str, rate: float | None, notes: tu
         places = since * rate
     # The last key is a frame of its own, even where it is between two.
     length = int(np.ceil(np.nanmax(places) - 1e-3)) + 1
-    if _too_empty(length, len(places)):
+    if too_empty(length, len(places)):
         raise _mostly_empty(where, len(places), float(np.nanmax(since)))
     whole = bool((np.mod(places[np.isfinite(places)], 1.0) == 0.0).all())
     notes = (*notes, _uneven_note(since[np.isfinite(since)], rate or found))
@@ -179,7 +179,7 @@ def frames_numbered(numbers: Array, where: str, rate: float | None) -> Frames:
         return frames_in_order(len(numbers), rate, why if len(steps) else "It does not state times")
     places = numbers - numbers[0]
     length = int(places[-1]) + 1
-    if _too_empty(length, len(numbers)):
+    if too_empty(length, len(numbers)):
         raise FacePoserError(
             f"'{where}' has {len(numbers)} frames with numbers up to {numbers[-1]:.6g}, most of which are missing; "
             "correct the numbers or split it."
@@ -319,7 +319,8 @@ def _spread(times: Array) -> Array:
     return spread
 
 
-def _too_empty(length: int, count: int) -> bool:
+def too_empty(length: float, count: int) -> bool:
+    """Return True if ``length`` frames are too many for ``count`` samples, most of which would be made up."""
     return length > max(min(_MOST_EMPTY * count, _MOST_FRAMES), _SMALL)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered, placed
 from faceposer.files.tables import Row, decimal_number, decimal_numbers, open_table
 from faceposer.files.time_columns import is_frame_number, is_time, shown_heading, times_of
@@ -195,7 +195,7 @@ def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None
     names, unit = list(layout.columns), layout.unit
     used = [column for places in layout.columns.values() for column in places]
     if len(names) > MAX_MARKERS:
-        raise FacePoserError(f"'{path}' has {len(names)} markers; at most {MAX_MARKERS} are read.")
+        raise FacePoserError(f"'{path}' has {counted(len(names), 'marker')}; at most {MAX_MARKERS} are read.")
     frames: list[NDArray[np.float64]] = []
     times: list[str] = []
     numbers: list[float] = []
@@ -213,7 +213,8 @@ def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None
             continue
         if len(cells) < layout.width or any(cell.strip() for cell in cells[layout.width :]):
             raise FacePoserError(
-                f"Line {number} of '{path}' has {len(cells)} values instead of {layout.width}; correct or delete it."
+                f"Line {number} of '{path}' has {counted(len(cells), 'value')} instead of {layout.width}; "
+                f"correct or delete it."
             )
         frames += unseen * [np.full(len(used), np.nan)]
         unseen = 0

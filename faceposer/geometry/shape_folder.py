@@ -51,7 +51,8 @@ def read_shape_folder(folder: Path, neutral: Path | None = None, align: bool = T
     size = len(shapes) * rest.vertices.size * 4
     if size > _MAX_OFFSET_BYTES:
         raise FacePoserError(
-            f"The folder '{folder}' has {len(shapes)} shapes of {len(rest.vertices)} vertices, which would take "
+            f"The folder '{folder}' has {counted(len(shapes), 'shape')} of "
+            f"{counted(len(rest.vertices), 'vertex', 'vertices')}, which would take "
             f"{size >> 20} MB; choose a folder that takes less than {_MAX_OFFSET_BYTES >> 20} MB."
         )
     names, unusable = _shape_names(shapes, neutral)
@@ -103,7 +104,7 @@ def _find_neutral(folder: Path, files: list[Path]) -> Path:
         )
     if not found:
         raise FacePoserError(
-            f"The folder '{folder}' has no neutral face among its {len(files)} meshes; name it "
+            f"The folder '{folder}' has no neutral face among its {counted(len(files), 'mesh', 'meshes')}; name it "
             f"{', '.join(NEUTRAL_NAMES[:-1])} or {NEUTRAL_NAMES[-1]} ({', '.join(SHAPE_SUFFIXES)}), or specify it."
         )
     return found[0]
@@ -176,7 +177,7 @@ def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:
         # Other formats may be triangulated, with an arbitrary first corner.
         a, b = mesh.triangles(), rest.triangles()
         if len(a) != len(b):
-            return f"it has {len(mesh.polygons)} faces, not {len(rest.polygons)}"
+            return f"it has {counted(len(mesh.polygons), 'face')}, not {len(rest.polygons)}"
     differing = (_lowest_first(a) != _lowest_first(b)).any(axis=1)
     if not differing.any():
         return ""

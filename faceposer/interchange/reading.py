@@ -223,7 +223,9 @@ def read_performance(path: Path, model: FaceModel, rate: float | None = None) ->
         notes.append(_absent_note(absent, len(shapes), title))
     if ignored:
         were = "was" if ignored == 1 else "were"
-        notes.append(f"{ignored} of its {len(names)} shapes {were} not read, because {title} does not have them.")
+        notes.append(
+            f"{ignored} of its {counted(len(names), 'shape')} {were} not read, because {title} does not have them."
+        )
     if rate is not None and path.suffix.lower() in GLTF:
         # Keys of glTF are at seconds, which stay.
         performance = resampled(Performance.from_weights(model, weights, named.rate or rate), rate)

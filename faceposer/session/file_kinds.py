@@ -7,11 +7,12 @@ from typing import Literal
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.images import FOREIGN_SUFFIXES
 from faceposer.files.reading import open_file
 from faceposer.files.tables import open_table
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES
 from faceposer.model.shape_names import canonical_shape
-from faceposer.photo.reading import FOREIGN_SUFFIXES, PHOTO_SUFFIXES
+from faceposer.photo.reading import PHOTO_SUFFIXES
 from faceposer.session.document import FORMAT
 
 Kind = Literal["performance", "weights", "trajectories", "pose", "table", "rig", "mesh", "photo", "folder", ""]

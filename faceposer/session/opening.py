@@ -96,6 +96,13 @@ def session_for(
     except MissingCharacterError as error:
         if path is None:
             raise
+        if not character.lower().endswith(".npz"):
+            names = ", ".join(f"'{name}'" for name, _ in available_characters())
+            raise MissingCharacterError(
+                f"The session '{path}' names the character '{character}', which is neither one that is installed "
+                f"({names}) nor the path of a character file (.npz).",
+                character,
+            ) from error
         raise MissingCharacterError(
             f"The session '{path}' needs the character '{Path(character).stem}', which was removed or moved: there is "
             f"no '{character}'.",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.names import displayable
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
@@ -295,7 +295,9 @@ def _warnings(count: int, curves: Curves, modes: Modes) -> list[str]:
     """Return warnings about the amount of data."""
     found = []
     if count < _FEW:
-        found.append(f"{count} examples are too few to judge the model: it can make little more than blends of them.")
+        found.append(
+            f"{counted(count, 'example')} are too few to judge the model: it can make little more than blends of them."
+        )
     if curves.generalization and curves.generalization[-1] > _POOR * curves.neutral:
         share = 100.0 * curves.generalization[-1] / max(curves.neutral, 1e-12)
         found.append(

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
+from faceposer.files.sample_times import too_empty
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
 from faceposer.model.shape_names import canonical_shape
 from faceposer.training.key_times import Sampling, sampling
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 _MAX_FRAMES = 1_000_000
 _MAX_WEIGHTS = 50_000_000
-_MAX_NAMES = 10_000
+_MAX_NAMES = 4_000
 # Share of the shorter of two clips that lies in the time span of the other if they belong together.
 _COMMON_SPAN = 0.5
 # Difference between weights that is a conflict.
@@ -246,6 +247,13 @@ def _resampled(curves: list[_Curve], path: Path, notes: tuple[str, ...]) -> Name
     if not isinstance(even, Sampling):
         raise FacePoserError(f"The animation in '{path}' has {even:.0f} frames, more than {_MAX_FRAMES}.")
     count = len(even.seconds)
+    keys = max(len(curve.times) for curve in curves)
+    if too_empty(count, keys):
+        seconds = max(curve.times[-1] for curve in curves) - min(curve.times[0] for curve in curves)
+        raise FacePoserError(
+            f"The animation in '{path}' has {counted(keys, 'key')} in {seconds:.6g} seconds, which would become "
+            f"{count:.0f} frames; correct its times or split it."
+        )
     if count * len(curves) > _MAX_WEIGHTS:
         raise FacePoserError(
             f"The animation in '{path}' has {count:.0f} frames of {len(curves)} morph targets, more than can be read; "

@@ -52,7 +52,7 @@ class LearnedStatistics:
     def warnings(self) -> list[str]:
         """Shortcomings of the takes and of the choice, one sentence each."""
         lost = [
-            f"The capture '{name}' has {count} frames without a face, which were left out."
+            f"The capture '{name}' has {counted(count, 'frame')} without a face, which were left out."
             for (name, _), count in zip(self.takes, self.lost, strict=False)
             if count
         ]

@@ -49,7 +49,7 @@ def read_weights(path: Path, rate: float | None = None) -> NamedWeights:
     Raises:
         FacePoserError: If the file cannot be read or is invalid; the message names the place.
     """
-    return read_json(path, "weights", lambda data: _weights_from_json(data, path, rate), _MAX_BYTES, True, as_document)
+    return read_json(path, "weights", lambda data: _weights_from_json(data, path, rate), _MAX_BYTES, as_document)
 
 
 def _weights_from_json(data: Any, path: Path, rate: float | None) -> NamedWeights:

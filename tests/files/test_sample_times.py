@@ -254,3 +254,9 @@ def test_headings_of_times_and_frames() -> None:
         assert not is_time(heading), heading
     for heading in ("Frame", "frame_number", "frameId", "Frame No."):
         assert is_frame_number(heading), heading
+
+
+def test_few_samples_with_a_gap_of_an_hour_are_refused() -> None:
+    times = np.concatenate([np.arange(100) / 60.0, 3600.0 + np.arange(100) / 60.0])
+    with pytest.raises(FacePoserError, match="most of which are empty"):
+        frames_at(times, "a.csv")

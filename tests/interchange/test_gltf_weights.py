@@ -186,3 +186,11 @@ def test_files_without_shapes_of_the_face_get_one_sentence(low: FaceModel, tmp_p
         read_pose(tmp_path / "c.glb", low)
     with pytest.raises(FacePoserError, match="cannot be read"):
         read_pose(tmp_path / "none.glb", low)
+
+
+@pytest.mark.parametrize("hours", [10.0, 24.0])
+def test_two_keys_far_apart_do_not_become_frames_for_hours(hours: float, low: FaceModel, tmp_path: Path) -> None:
+    write_curve(tmp_path / "a.glb", [0.0, 0.5, 3600.0 * hours], [0.0, 0.0, 1.0, 0.0, 0.5, 0.0])
+    said = r"has 3 keys in \d+ seconds, which would become \d+ frames|more than 1000000"
+    with pytest.raises(FacePoserError, match=said):
+        read_performance(tmp_path / "a.glb", low)

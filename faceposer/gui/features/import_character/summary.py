@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from imgui_bundle import imgui, implot
 
+from faceposer.errors import counted
 from faceposer.gui.recent_files import shown_path
 from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
@@ -99,9 +100,8 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("Examples", f"{summary['examples']}"))
         if "markers" in summary:
             marked = summary["markers"]
-            text = (
-                f"{marked['frames']} frames, {marked['frames_left_out']} left out, {marked['gaps_filled']} gaps filled"
-            )
+            frames, gaps = counted(marked["frames"], "frame"), counted(marked["gaps_filled"], "gap")
+            text = f"{frames}, {marked['frames_left_out']} left out, {gaps} filled"
             rows.append(("Markers", text))
         rows.append(("Neutral", shown_path(summary["neutral"])))
         worst_region = summary["worst"]
@@ -128,7 +128,7 @@ def _prior(prior: dict[str, Any]) -> str:
     text = f"{count} factor analyzer{'s' if count != 1 else ''} of {factors} factor{'s' if factors != 1 else ''}"
     text += ", set by the user" if prior.get("fixed_by_user") else ", chosen from held-out data"
     if prior.get("takes"):
-        text += "; from " + _listed([f"{take['file']} ({take['frames']} frames)" for take in prior["takes"]])
+        text += "; from " + _listed([f"{take['file']} ({counted(take['frames'], 'frame')})" for take in prior["takes"]])
     return text
 
 
