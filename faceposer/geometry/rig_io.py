@@ -10,7 +10,16 @@ from faceposer.files import paths
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import MorphMesh
-from faceposer.geometry.shape_alignment import Alignment, AlignmentReport, implausible, lay_on, search_tree, still_share
+from faceposer.geometry.displacement_fields import edges_of
+from faceposer.geometry.shape_alignment import (
+    Alignment,
+    AlignmentReport,
+    implausible,
+    in_another_unit,
+    lay_on,
+    search_tree,
+    still_share,
+)
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
 
@@ -65,7 +74,9 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
     """
     report = AlignmentReport()
     neutral = rig.mesh.vertices
-    tree = search_tree(neutral)
+    tree, edges = search_tree(neutral), edges_of(rig.mesh.polygons)
+    # Displacements of a whole rig in another unit are converted by its size as a face.
+    whole = align and in_another_unit([*rig.targets.values()], neutral)
     targets = dict(rig.targets)
     unusable = dict(rig.unusable)
     absolute = []
@@ -80,7 +91,7 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
             vertices = offsets.astype(np.float64)
         aligned = lay_on(vertices, neutral) if align else Alignment(vertices)
         report.add(name, aligned.change)
-        reason = implausible(aligned.vertices, neutral, tree)
+        reason = implausible(aligned.vertices, neutral, tree, edges, sized=not whole)
         if reason:
             unusable[name] = (
                 f"The target '{name[:60]}' of the rig '{path}' is not an expression of its face: {reason}; export it "

@@ -18,7 +18,9 @@ from faceposer.model.shape_names import (
 
 #: Boundaries between words: separators, and changes of case, to or from digits, or between scripts.
 _WORD_ENDS = re.compile(
-    r"[\W_]+|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])|(?<=[A-Za-z])(?=[0-9])"
+    r"[\W_]+|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])|(?<=[A-Za-z])(?=[0-9])|(?<=[A-Z])(?=[A-Z][a-z])"
+    # A letter for the side to which a suffix is glued, as in eyeBlink_LShape or eyeBlinkLMesh, but not left and right.
+    r"|(?<=[\W_][LRlr])(?=(?!eft|ight|ower|oll|ttt)[A-Za-z])|(?<=[a-z][LR])(?=(?!eft|ight|ower|oll)[A-Za-z])"
     r"|(?<=[^\x00-\x7f])(?=[A-Za-z])|(?<=[A-Za-z])(?=[^\x00-\x7f])"
 )
 # Number of words in the longest name of a shape, with its side.

@@ -11,6 +11,7 @@ from faceposer.training.examples import ExampleOptions, character_from_examples
 from faceposer.training.from_markers import character_from_markers
 from faceposer.training.kinds import Kind, kind_of, plain_name
 from faceposer.training.rigs import RigOptions, character_from_rig
+from faceposer.training.sides import Sides
 
 __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
 
@@ -36,6 +37,7 @@ class TrainingRequest:
         credits: Source and licence of the character.
         align_shapes: False to read the shapes of a rig where and in the unit in which they are stored.
         weights_range: Full weight of an avatar's expressions, 1 or 100; None to infer it.
+        sides: Reading of left and right in the names of a rig's shapes.
     """
 
     kind: Kind
@@ -54,6 +56,7 @@ class TrainingRequest:
     credits: str = ""
     align_shapes: bool = True
     weights_range: float | None = None
+    sides: Sides = "auto"
 
 
 def train(request: TrainingRequest, progress: Progress | None = None) -> Character:
@@ -76,6 +79,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Charact
             request.credits,
             request.align_shapes,
             request.weights_range,
+            request.sides,
         )
         return character_from_rig(request.source, options, progress)
     if request.captures:
