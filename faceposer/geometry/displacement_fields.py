@@ -14,18 +14,26 @@ RANDOM_ORDER = 0.85
 # Smallest displacement, as a share of the size of the face, of a field that is judged.
 _LEAST = 0.02
 _MOST_EDGES = 200_000
+# Longest edge, as a share of the size of the face, between neighbours.
+_LONGEST = 0.15
 
 
-def edges_of(polygons: NDArray[np.integer]) -> Edges:
-    """Return the vertices at both ends of the edges of ``polygons``, (F, K) padded with -1, shape (E, 2).
+def edges_of(polygons: NDArray[np.integer], vertices: Array) -> Edges:
+    """Return the vertices at both ends of the edges of a mesh, shape (E, 2), without very long edges.
 
     Of very many edges, an even sample is returned.
+
+    Args:
+        polygons: Vertex ids, shape (F, K), padded with -1.
+        vertices: Positions, shape (N, 3).
     """
     corners = np.where(polygons >= 0, polygons, polygons[:, :1])
     step = max(1, corners.size // _MOST_EDGES)
     corners = corners[::step]
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
-    kept: Edges = edges[edges[:, 0] != edges[:, 1]]
+    lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    size = float(np.ptp(vertices, axis=0).max(initial=0.0)) if len(vertices) else 0.0
+    kept: Edges = edges[(edges[:, 0] != edges[:, 1]) & (lengths < _LONGEST * size)]
     return kept
 
 
@@ -40,7 +48,7 @@ def unevenness(offsets: NDArray[np.floating], edges: Edges) -> float:
     """
     lengths = np.linalg.norm(offsets, axis=1)
     strong = lengths >= _STRONG * lengths.max(initial=0.0)
-    if not lengths.any() or int(strong.sum()) < _FEWEST:
+    if not lengths.any() or not _FEWEST <= int(strong.sum()) <= len(edges):
         return 0.0
     field = np.where(strong[:, None], offsets, 0.0).astype(np.float64)
     a, b = field[edges[:, 0]], field[edges[:, 1]]

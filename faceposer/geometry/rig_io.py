@@ -7,10 +7,10 @@ import numpy as np
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.geometry.displacement_fields import edges_of
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import MorphMesh
-from faceposer.geometry.displacement_fields import edges_of
 from faceposer.geometry.shape_alignment import (
     Alignment,
     AlignmentReport,
@@ -74,7 +74,7 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
     """
     report = AlignmentReport()
     neutral = rig.mesh.vertices
-    tree, edges = search_tree(neutral), edges_of(rig.mesh.polygons)
+    tree, edges = search_tree(neutral), edges_of(rig.mesh.polygons, neutral)
     # Displacements of a whole rig in another unit are converted by its size as a face.
     whole = align and in_another_unit([*rig.targets.values()], neutral)
     targets = dict(rig.targets)

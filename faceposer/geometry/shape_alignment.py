@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.errors import counted
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.displacement_fields import Edges, in_random_order
 
@@ -214,8 +215,16 @@ class AlignmentReport:
         for change, names in order[:_MOST_NOTES]:
             plural = len(names) > 1
             notes.append(
-                f"{len(names)} shape{'s were' if plural else ' was'} {change} against the neutral face (such as "
-                f"'{names[0][:60]}') and {'were' if plural else 'was'} laid on it by the vertices that keep still."
+                f"{len(names)} shapes were {change} against the neutral face (such as '{names[0][:60]}') and were laid "
+                "on it by the vertices that keep still."
+                if plural
+                else f"The shape '{names[0][:60]}' was {change} against the neutral face and was laid on it by the "
+                "vertices that keep still."
             )
         rest = sum(len(names) for _, names in order[_MOST_NOTES:])
-        return (*notes, f"{rest} further shapes were laid on the neutral face likewise.") if rest else tuple(notes)
+        if rest:
+            verb = "was" if rest == 1 else "were"
+            notes.append(
+                f"{counted(rest, 'further shape', 'further shapes')} {verb} laid on the neutral face likewise."
+            )
+        return tuple(notes)

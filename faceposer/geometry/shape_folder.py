@@ -66,7 +66,7 @@ def read_shape_folder(folder: Path, neutral: Path | None = None, align: bool = T
     targets = {}
     reordered: list[str] = []
     report = AlignmentReport()
-    tree, edges = search_tree(rest.vertices), edges_of(rest.polygons)
+    tree, edges = search_tree(rest.vertices), edges_of(rest.polygons, rest.vertices)
     oversized: dict[str, str] = {}
     for name, path in names.items():
         positions, is_reordered = _positions(path, rest, neutral)

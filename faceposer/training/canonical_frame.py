@@ -104,7 +104,9 @@ def frame_from_shapes(
     likeness = [_directions_like_man(fit, directions) for fit in fits]
     # Displacements with the opposite sign move up where the man's move down.
     scores = [
-        _frontness(fit.apply(vertices), triangles, extent) + forward * (1.0 if up >= 0.0 else -1.0) + (rest - miss) / total
+        _frontness(fit.apply(vertices), triangles, extent)
+        + forward * (1.0 if up >= 0.0 else -1.0)
+        + (rest - miss) / total
         for fit, (up, forward), miss, rest in zip(fits, likeness, misses, misses[::-1], strict=True)
     ]
     exchanged = scores[1] > scores[0]
@@ -156,7 +158,7 @@ def _points_inwards(placed: Array, triangles: NDArray[np.integer], extent: Array
 
 
 def mean_direction(offsets: NDArray[np.floating]) -> Array:
-    """Return the mean of the displacements, (N, 3), weighted by their lengths, relative to them; at most of length 1."""
+    """Return the mean of the displacements, (N, 3), weighted by and relative to their lengths; at most of length 1."""
     lengths = np.linalg.norm(offsets.astype(np.float64), axis=1)
     squares = float(lengths @ lengths)
     mean: Array = lengths @ offsets / squares if squares > 0.0 else np.zeros(3)

@@ -338,7 +338,7 @@ class _FrameReader:
         share = float((sizes > _HIGHEST).mean())
         if sizes.max() > _MOST_PERCENT or share < _SHARE_TO_TELL or len(weights) < _FRAMES_TO_TELL:
             raise self._beyond
-        return weights / 100.0, (f"Its weights reach {sizes.max():.4g} and were read as percentages.",)
+        return weights / 100.0, (f"The weights reach {sizes.max():.4g} and were read as percentages.",)
 
 
 def _weight(cell: str, name: str, path: Path, number: int) -> float:

@@ -36,8 +36,8 @@ _OPPOSITE = -0.5
 _ELSEWHERE = 4.5
 # Share of the shapes that do not fit in a rig with other names.
 _WRONG = 0.3
-# Unevenness of a shape, and relative to the other shapes, that is mentioned; that of a rig in another vertex order, with
-# the distance of its shapes from those of the man in centimetres.
+# Unevenness of a shape, and relative to the other shapes, that is mentioned; and of a rig in another vertex order, with
+# the distance of its shapes from the man's in centimetres.
 _UNEVEN, _MORE_UNEVEN = 0.3, 3.0
 _ALL_UNEVEN, _FAR = 0.4, 1.5
 _LISTED = 4
@@ -86,9 +86,7 @@ def check_displacements(
         for name, offsets in named.items()
         if name in usual and np.any(offsets)
     }
-    ratios = {
-        name: motion.size / usual[name].size for name, motion in motions.items() if usual[name].size >= _LEAST
-    }
+    ratios = {name: motion.size / usual[name].size for name, motion in motions.items() if usual[name].size >= _LEAST}
     if not ratios:
         return DisplacementCheck()
     factor, typical = _unit(np.array([*ratios.values()]), correct)
@@ -110,7 +108,7 @@ def check_displacements(
     opposite = _opposite(motions, usual)
     distances = {name: float(np.linalg.norm(motion.middle - usual[name].middle)) for name, motion in motions.items()}
     elsewhere = [name for name, distance in distances.items() if distance > _ELSEWHERE]
-    edges = edges_of(polygons)
+    edges = edges_of(polygons, vertices)
     uneven = {name: value for name, offsets in named.items() if (value := unevenness(offsets, edges)) > 0.0}
     median = float(np.median([*uneven.values()] or [0.0]))
     if median > _ALL_UNEVEN and float(np.median([*distances.values()])) > _FAR:
@@ -184,7 +182,9 @@ def _shape_notes(
     notes = []
     for names, one, many in kinds:
         if len(names) == 1:
-            detail = f" ({ratios[names[0]] * relative:.2g} times as far as usual)" if names[0] in (*large, *small) else ""
+            detail = (
+                f" ({ratios[names[0]] * relative:.2g} times as far as usual)" if names[0] in (*large, *small) else ""
+            )
             notes.append(f"The shape {names[0]} {one}{detail}; check it.")
         elif names:
             rest = len(names) - _LISTED
@@ -201,8 +201,8 @@ def _uneven_notes(uneven: list[str]) -> list[str]:
     rest = len(uneven) - _LISTED
     listed = ", ".join(uneven[:_LISTED]) + (f" and {rest} more" if rest > 0 else "")
     return [
-        f"{counted(len(uneven), 'shape', 'shapes')} ({listed}) {verb} neighbouring vertices in different directions, as "
-        "with noise, or with vertices in another order; check the mesh."
+        f"{counted(len(uneven), 'shape', 'shapes')} ({listed}) {verb} neighbouring vertices in different directions, "
+        "as with noise, or with vertices in another order; check the mesh."
     ]
 
 

@@ -9,9 +9,8 @@ from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions, character_from_examples
 from faceposer.training.from_markers import character_from_markers
-from faceposer.training.kinds import Kind, kind_of, plain_name
+from faceposer.training.kinds import Kind, Sides, kind_of, plain_name
 from faceposer.training.rigs import RigOptions, character_from_rig
-from faceposer.training.sides import Sides
 
 __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
 

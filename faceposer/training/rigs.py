@@ -13,6 +13,7 @@ from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.rig_io import read_rig
 from faceposer.model.character import Character
 from faceposer.model.face_model import build_face_model
+from faceposer.model.name_families import family_hint
 from faceposer.model.name_matching import NameMatch, match_with_ties, tie_error
 from faceposer.model.shape_names import half_shapes_of
 from faceposer.progress import Progress
@@ -20,10 +21,11 @@ from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_shapes
 from faceposer.training.displacements import check_displacements
 from faceposer.training.eyes import add_gaze, misplaced_eyes
+from faceposer.training.kinds import Sides
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
 from faceposer.training.performances import LearnedStatistics, learn_from_captures
-from faceposer.training.sides import Sides, sides_of
+from faceposer.training.sides import sides_of
 
 #: Least number of ARKit's shapes in a rig.
 _FEWEST_SHAPES = 5
@@ -85,11 +87,7 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
     named = {name: offsets for name, offsets in targets.items() if name not in wholes}
     moving = [name for name, offsets in named.items() if np.any(offsets)]
     if len(moving) < _FEWEST_SHAPES:
-        examples = ", ".join(f"'{name}'" for name in list(rig.targets)[:3])
-        raise FacePoserError(
-            f"The rig '{source}' has {len(moving)} of ARKit's 52 shapes, which is too few (its shapes are called "
-            f"{examples}); rename them to ARKit's names, such as jawOpen, or train from them with --examples."
-        )
+        raise _too_few(source, rig, len(named), len(moving))
     progress.at("Aligning the face", 0.2)
     frame = frame_from_shapes(rig.mesh.vertices, rig.mesh.triangles(), named)
     if frame is None:
@@ -121,6 +119,28 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
     missing = tuple(sides.renamed.get(name, name) for name in match.missing)
     facts = _Facts(displayable(Path(source).name), missing, match.others, tuple(sides.moved), (*rig.notes, *notes))
     return _character(facts, named, mesh, options, progress)
+
+
+def _too_few(source: str, rig: MorphMesh, named: int, moving: int) -> FacePoserError:
+    """Return the error for a rig of which ``named`` shapes are ARKit's and ``moving`` of these move vertices."""
+    if named >= _FEWEST_SHAPES:
+        many = "none of them moves a vertex" if not moving else f"only {moving} of them move vertices"
+        return FacePoserError(
+            f"The rig '{source}' has {named} of ARKit's 52 shapes, but {many}; export it with the displacements of its "
+            "shapes (shape keys, blend shapes)."
+        )
+    examples = ", ".join(f"'{name[:60]}'" for name in list(rig.targets)[:3])
+    hint = family_hint(rig.targets)
+    if hint:
+        remedy = f". {hint}"
+    elif named == len(rig.targets):
+        remedy = "; add shapes of brows, eyes and mouth, or train from it with --examples."
+    else:
+        remedy = "; rename them to ARKit's names, such as jawOpen, or train from them with --examples."
+    return FacePoserError(
+        f"The rig '{source}' has {moving} of ARKit's 52 shapes, which is too few (its shapes are called {examples})"
+        f"{remedy}"
+    )
 
 
 @dataclass(frozen=True)
@@ -214,9 +234,7 @@ def _character(
         "empty": [name for name in names if not np.any(named[name])],
         "not_arkit": list(facts.others),
         "eyes_turned": turned,
-        "warnings": [*facts.notes]
-        + misplaced_eyes(mesh.vertices, mesh.parts)
-        + (learned.warnings if learned else []),
+        "warnings": [*facts.notes] + misplaced_eyes(mesh.vertices, mesh.parts) + (learned.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(character),
     }

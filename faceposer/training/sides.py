@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.alignment import Similarity
 from faceposer.training.canonical_frame import FaceFrame, mean_direction, opposite_name
+from faceposer.training.kinds import Sides
 
 Array = NDArray[np.float64]
 Shapes = dict[str, NDArray[np.float32]]
-Sides = Literal["auto", "as-named", "exchanged"]
 
 #: Shapes that move the face to the side of their name.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
@@ -74,8 +73,8 @@ def sides_of(vertices: Array, named: Shapes, frame: FaceFrame, sides: Sides) -> 
         note = f"{len(exchanged)} shapes move the other side of the face than their names say, such as {example}."
         return ReadSides(named, moved, frame.upright, notes=(note, *inwards))
     note = (
-        f"{len(exchanged)} shapes are named from the viewer's side (in the file, {example} moves the {side} side of the "
-        "face): left and right were exchanged in their names. The option Sides, as named, keeps them."
+        f"{len(exchanged)} shapes are named from the viewer's side (in the file, {example} moves the {side} side of "
+        "the face): left and right were exchanged in their names. The option Sides, as named, keeps them."
     )
     return ReadSides(moved, moved, frame.upright, _new_names(exchanged), (note, *inwards))
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from faceposer.errors import FacePoserError, printable
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import atomic_file, write_text
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
@@ -58,7 +58,7 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
     """Return the lines about the training."""
     lines = []
     if summary.get("kind") == "rig":
-        lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
+        lines.append(f"{arkit_shapes_of(summary)}, {counted(summary['dimensions'], 'dimension', 'dimensions')}")
         for key, words in (
             ("missing", "missing"),
             ("empty", "empty (without motion)"),
@@ -74,7 +74,10 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
                 f"{share:.1f} % of it lost"
             )
     elif summary:
-        lines.append(f"{summary['examples']} examples, {summary['dimensions']} modes; neutral: {summary['neutral']}")
+        lines.append(
+            f"{counted(summary['examples'], 'example', 'examples')}, "
+            f"{counted(summary['dimensions'], 'mode', 'modes')}; neutral: {summary['neutral']}"
+        )
         worst = summary["worst"]
         lines.append(
             f"kept energy {_percent(summary['kept_energy'])}; worst region {worst['region']}, "
@@ -83,8 +86,8 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
         if "markers" in summary:
             marked = summary["markers"]
             lines.append(
-                f"{marked['frames']} frames of markers, {marked['frames_left_out']} skipped, "
-                f"{marked['gaps_filled']} gaps filled"
+                f"{counted(marked['frames'], 'frame', 'frames')} of markers, {marked['frames_left_out']} ignored, "
+                f"{counted(marked['gaps_filled'], 'gap', 'gaps')} filled"
             )
     else:
         lines.append(f"{len(character.shape_names)} shapes")
@@ -93,20 +96,24 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
     if curves.get("generalization_cm"):
         lines.append(
             f"held-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
-            f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with {curves['components'][-1]} components"
+            f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with "
+            f"{counted(curves['components'][-1], 'component', 'components')}"
         )
     return lines + [f"Note: {warning}" for warning in summary.get("warnings", [])]
 
 
 def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
-    """Describe the number of ARKit's shapes in a rig from its summary, without missing and empty ones.
+    """Describe the number of ARKit's shapes in a rig from its summary.
 
     A shape that a rig splits into two halves counts once.
     """
-    lacking = {*summary["missing"], *map(whole_shape_of, summary["empty"])}
-    present = len(ARKIT_SHAPES) - len(lacking)
+    missing = set(summary["missing"])
+    empty = {*map(whole_shape_of, summary["empty"])} - missing
+    present = len(ARKIT_SHAPES) - len(missing)
     text = f"{present} of ARKit's {len(ARKIT_SHAPES)} shapes"
-    if summary["shapes"] != present + len(summary["empty"]):
+    if empty:
+        text += f", {len(empty)} of them empty"
+    if summary["shapes"] != present:
         text += f", as {summary['shapes']} sliders, some for one side"
     return text
 
@@ -115,13 +122,15 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
     if "components" not in prior:
         return [f"prior: {prior['from']}"] if prior else []
     lines = [
-        f"prior: {prior['components']} factor analyzers of {prior['factors']} factors"
+        f"prior: {counted(prior['components'], 'factor analyzer', 'factor analyzers')} of "
+        f"{counted(prior['factors'], 'factor', 'factors')}"
         f"{', set by the user' if prior['fixed_by_user'] else ', chosen by cross-validation'} (log-likelihood "
         f"{prior['held_out_log_likelihood']:.1f}; one Gaussian {prior['one_gaussian']:.1f})"
     ]
     if prior.get("takes"):
         lines.append(
-            "learned from " + ", ".join(f"{take['file']} ({take['frames']} frames)" for take in prior["takes"])
+            "learned from "
+            + ", ".join(f"{take['file']} ({counted(take['frames'], 'frame', 'frames')})" for take in prior["takes"])
         )
     if prior.get("missing_channels"):
         lines.append(f"no channel in the performances: {_listed(prior['missing_channels'])}")
