@@ -24,7 +24,8 @@ _WORDS = (
 _WORD_ENDS = re.compile(_WORDS)
 # The same, and after a letter for the side to which a suffix is glued, as in eyeBlink_LShape, but not in words that
 # begin with such a letter.
-_NO_SIDE = "(?!(?i:eft|ight|od|ow|ayer|ink|ig|oot|est|ef|ender|ip|id|ash))"
+_REST_OF_WORD = "(?i:eft|ight|od|ow|ayer|ink|ig|oot|est|ef|ender|ip|id|ash)"
+_NO_SIDE = f"(?!{_REST_OF_WORD})"
 _CUTS = re.compile(rf"{_WORDS}|(?<=[\W_][LRlr])(?={_NO_SIDE}[A-Za-z])|(?<=[a-z][LR])(?={_NO_SIDE}[A-Za-z])")
 # Number of words in the longest name of a shape, with its side.
 _MOST_WORDS = 6
@@ -232,6 +233,8 @@ def _inner_shapes(name: str) -> Iterator[tuple[Affix, str]]:
             if not begins_shape(run):
                 # A suffix may be glued to the name, as in jawOpenshape.
                 for length in range(min(len(run) - 1, _LONGEST_SPELLING), before, -1):
+                    if re.match(_REST_OF_WORD, run[length:]):
+                        continue
                     if (shape := spelled_shape(run[:length])) is not None:
                         found.append((shape, Affix(name[:begin], name[stops[end] - len(run) + length :])))
                 yield from _readings(found)

@@ -96,13 +96,13 @@ def check_displacements(
     if typical > _TOO_LARGE and correct:
         return DisplacementCheck(
             factor,
-            f"its displacements are about {typical:.2g} times those of a face ({largest} moves vertices by {size:.2g} "
+            f"its displacements are about {_plain(typical)} times those of a face ({largest} moves vertices by {_plain(size)} "
             "cm); export it again with displacements in the unit of the neutral face",
         )
     if size > _IMPLAUSIBLE * max(usual[largest].size, 1.0):
         return DisplacementCheck(
             factor,
-            f"its shape {largest} moves vertices by {size:.2g} cm, {ratios.get(largest, 0.0) * factor / typical:.2g} "
+            f"its shape {largest} moves vertices by {_plain(size)} cm, {_plain(ratios.get(largest, 0.0) * factor / typical)} "
             "times as far as the others would suggest; export it again in the unit of the neutral face",
         )
     opposite = _opposite(motions, usual)
@@ -157,9 +157,9 @@ def _unit_notes(factor: float, typical: float) -> list[str]:
             f"The displacements are about {1.0 / factor:g} times those of a face; they were multiplied by {factor:g}."
         ]
     if typical > _USUAL[1]:
-        return [f"The shapes move the face about {typical:.2g} times as far as usual; check their unit."]
+        return [f"The shapes move the face about {_plain(typical)} times as far as usual; check their unit."]
     if typical < _USUAL[0]:
-        return [f"The shapes move the face only about {typical:.2g} times as far as usual; check their unit."]
+        return [f"The shapes move the face only about {_plain(typical)} times as far as usual; check their unit."]
     return []
 
 
@@ -183,7 +183,9 @@ def _shape_notes(
     for names, one, many in kinds:
         if len(names) == 1:
             detail = (
-                f" ({ratios[names[0]] * relative:.2g} times as far as usual)" if names[0] in (*large, *small) else ""
+                f" ({_plain(ratios[names[0]] * relative)} times as far as usual)"
+                if names[0] in (*large, *small)
+                else ""
             )
             notes.append(f"The shape {names[0]} {one}{detail}; check it.")
         elif names:
@@ -204,6 +206,11 @@ def _uneven_notes(uneven: list[str]) -> list[str]:
         f"{counted(len(uneven), 'shape', 'shapes')} ({listed}) {verb} neighbouring vertices in different directions, "
         "as with noise, or with vertices in another order; check the mesh."
     ]
+
+
+def _plain(number: float) -> str:
+    """Return ``number`` with two digits, without an exponent for large ones."""
+    return f"{number:.2g}" if number < 10.0 else f"{number:.0f}"
 
 
 def _opposite(motions: Mapping[str, _Motion], usual: Mapping[str, _Motion]) -> list[str]:

@@ -83,7 +83,7 @@ def test_a_folder_says_what_was_done_and_which_file_is_wrong(tmp_path: Path) -> 
     write_obj(tmp_path / "smile.obj", shape[::-1], faces)
     rig = read_rig(tmp_path)
     np.testing.assert_allclose(rig.targets["jawOpen"], shape - neutral, atol=1e-3)
-    assert re.search("1 shape was scaled by 100 against the neutral face .*jawOpen", rig.notes[0])
+    assert re.search("The shape 'jawOpen' was scaled by 100 against the neutral face", rig.notes[0])
     assert list(rig.unusable) == ["smile"]
     assert re.search(r"smile\.obj' is not an expression of .*neutral\.obj': .* another order", rig.unusable["smile"])
 
