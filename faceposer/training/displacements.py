@@ -96,14 +96,14 @@ def check_displacements(
     if typical > _TOO_LARGE and correct:
         return DisplacementCheck(
             factor,
-            f"its displacements are about {_plain(typical)} times those of a face ({largest} moves vertices by {_plain(size)} "
-            "cm); export it again with displacements in the unit of the neutral face",
+            f"its displacements are about {_plain(typical)} times those of a face ({largest} moves vertices by "
+            f"{_plain(size)} cm); export it again with displacements in the unit of the neutral face",
         )
     if size > _IMPLAUSIBLE * max(usual[largest].size, 1.0):
         return DisplacementCheck(
             factor,
-            f"its shape {largest} moves vertices by {_plain(size)} cm, {_plain(ratios.get(largest, 0.0) * factor / typical)} "
-            "times as far as the others would suggest; export it again in the unit of the neutral face",
+            f"its shape {largest} moves vertices by {_plain(size)} cm, "
+            f"{_plain(ratios.get(largest, 0.0) * factor / typical)} times as far as the others would suggest; export it again in the unit of the neutral face",
         )
     opposite = _opposite(motions, usual)
     distances = {name: float(np.linalg.norm(motion.middle - usual[name].middle)) for name, motion in motions.items()}
