@@ -103,7 +103,8 @@ def check_displacements(
         return DisplacementCheck(
             factor,
             f"its shape {largest} moves vertices by {_plain(size)} cm, "
-            f"{_plain(ratios.get(largest, 0.0) * factor / typical)} times as far as the others would suggest; export it again in the unit of the neutral face",
+            f"{_plain(ratios.get(largest, 0.0) * factor / typical)} times as far as the others would suggest; export "
+            "it again in the unit of the neutral face",
         )
     opposite = _opposite(motions, usual)
     distances = {name: float(np.linalg.norm(motion.middle - usual[name].middle)) for name, motion in motions.items()}
