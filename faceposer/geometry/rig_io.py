@@ -101,11 +101,12 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
             targets[name] = (aligned.vertices - neutral).astype(np.float32)
     notes = report.notes()
     if absolute:
-        count = len(absolute)
-        notes += (
-            f"{count} target{'s have' if count > 1 else ' has'} positions instead of displacements (such as "
-            f"'{absolute[0][:60]}'); the neutral face was subtracted.",
+        some = (
+            f"{len(absolute)} targets, such as '{absolute[0][:60]}', have"
+            if len(absolute) > 1
+            else f"The target '{absolute[0][:60]}' has"
         )
+        notes += (f"{some} positions instead of displacements; the neutral face was subtracted.",)
     return replace(rig, targets=targets, notes=(*rig.notes, *notes), unusable=unusable)
 
 

@@ -86,12 +86,12 @@ def read_shape_folder(folder: Path, neutral: Path | None = None, align: bool = T
         unusable = {**oversized, **unusable}
     textures, notes = read_obj_textures(neutral, rest)
     if reordered:
-        plural = len(reordered) > 1
-        notes = (
-            f"{len(reordered)} shape{'s have' if plural else ' has'} the vertices in another order than the neutral "
-            f"face (such as '{reordered[0][:60]}'); {'their' if plural else 'its'} faces gave the order.",
-            *notes,
+        some = (
+            f"{len(reordered)} shapes, such as '{reordered[0][:60]}', have their"
+            if len(reordered) > 1
+            else f"The shape '{reordered[0][:60]}' has its"
         )
+        notes = (f"{some} vertices in another order than the neutral face; the faces gave the order.", *notes)
     return MorphMesh(rest, targets, textures, (*report.notes(), *notes), unusable)
 
 

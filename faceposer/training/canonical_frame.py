@@ -23,6 +23,7 @@ _FACE_RADIUS = 4.0
 #: Largest difference between both halves, as a share of the face's radius, of a mesh with a plane of symmetry.
 _SYMMETRIC = 0.12
 _SAMPLES = 3000
+_MOST_TRIANGLES = 200_000
 _ROUNDS = 60
 _FEW = 500
 #: Centroid of the moving part of the built-in man, in centimetres.
@@ -101,6 +102,7 @@ def frame_from_shapes(
     extent = _capped_extent(motion)
     total = max(sum(misses), np.finfo(float).tiny)
     directions = {name: mean_direction(shapes[name]) for name in names}
+    triangles = triangles[:: max(1, len(triangles) // _MOST_TRIANGLES)]
     likeness = [_directions_like_man(fit, directions) for fit in fits]
     # Displacements with the opposite sign move up where the man's move down.
     scores = [
