@@ -53,6 +53,13 @@ def add_parser(commands: Any) -> None:
         metavar="1|100",
         help="full weight of the expressions of a VRM avatar (default: by its version and largest weight)",
     )
+    parser.add_argument(
+        "--sides",
+        choices=("auto", "as-named", "exchanged"),
+        default="auto",
+        help="left and right in the names of a rig's shapes: exchanged where they move the other side of the face, as "
+        "named from the viewer's side; always as they are named; or always exchanged (default: auto)",
+    )
     parser.add_argument("--marker-map", type=Path, metavar="JSON", help="place of each marker on the scan")
     parser.add_argument(
         "--scan", metavar="MESH|CHARACTER", default="man", help="face that the markers move (default: man)"
@@ -134,6 +141,7 @@ def run(options: argparse.Namespace) -> int:
         credits=options.credits,
         align_shapes=options.align_shapes == "auto",
         weights_range=options.weights_range,
+        sides=options.sides,
     )
     line = ProgressLine()
     try:

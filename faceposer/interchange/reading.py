@@ -141,7 +141,9 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
         note = "The pose matches the mesh exactly."
     if is_mirrored:
         note += " The mesh is mirrored; it was mirrored back."
-    return ReadPose(coefficients, f"{note} The mesh was aligned with the face." if is_aligned else note)
+    if is_aligned:
+        note += " The mesh was moved, rotated or scaled as a whole; it was aligned with the face by all its vertices."
+    return ReadPose(coefficients, note)
 
 
 class _PoseFit:

@@ -47,6 +47,9 @@ _FEW = 12
 _OTHER_SIZE = 1.25
 # Largest acceptable distance of held-out examples, as a share of their distance from neutral.
 _POOR = 0.5
+# Factors between common units, and the relative deviation that expressions cause.
+_COMMON_UNITS = (0.001, 0.01, 0.0254, 0.1, 0.3048, 1.0 / 2.54, 2.54, 10.0, 25.4, 30.48, 100.0, 1000.0)
+_NEAR_UNIT = 0.03
 
 
 @dataclass(frozen=True)
@@ -222,12 +225,17 @@ def _size_notes(sizes: Array) -> tuple[str, ...]:
     """Return a note about frames of other ``sizes`` than the neutral."""
     if not len(sizes):
         return ()
-    usual = float(np.median(sizes))
+    usual = _plain_factor(float(np.median(sizes)))
     plural = len(sizes) > 1
     return (
         f"{len(sizes)} mesh{'es have' if plural else ' has'} {usual:.3g} times the size of the neutral mesh and "
         f"{'were' if plural else 'was'} scaled to it.",
     )
+
+
+def _plain_factor(size: float) -> float:
+    """Return the factor between common units that ``size``, which expressions change a little, is close to."""
+    return next((unit for unit in _COMMON_UNITS if abs(size / unit - 1.0) < _NEAR_UNIT), size)
 
 
 def _refuse_implausible(sequence: MeshSequence, number: int, vertices: Array, neutral: Array) -> None:

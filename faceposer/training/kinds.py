@@ -13,6 +13,8 @@ from faceposer.geometry.mesh_sequence import ARRAY_SUFFIX
 from faceposer.model.name_matching import match_with_ties
 
 Kind = Literal["rig", "examples", "markers"]
+#: Reading of left and right in names: exchanged where they move the other side, as they are, or all exchanged.
+Sides = Literal["auto", "as-named", "exchanged"]
 
 #: Suffixes of files with the motion of markers.
 MARKER_SUFFIXES = (".c3d", ".csv", ".trc")

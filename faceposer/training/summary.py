@@ -79,7 +79,8 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
             )
     elif summary:
         lines.append(
-            f"{counted(summary['examples'], 'example')}, {summary['dimensions']} modes; neutral: {summary['neutral']}"
+            f"{counted(summary['examples'], 'example')}, {counted(summary['dimensions'], 'mode')}; "
+            f"neutral: {summary['neutral']}"
         )
         worst = summary["worst"]
         lines.append(
@@ -99,20 +100,24 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
     if curves.get("generalization_cm"):
         lines.append(
             f"held-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
-            f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with {curves['components'][-1]} components"
+            f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with "
+            f"{counted(curves['components'][-1], 'component', 'components')}"
         )
     return lines + [f"Note: {warning}" for warning in summary.get("warnings", [])]
 
 
 def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
-    """Describe the number of ARKit's shapes in a rig from its summary, without missing and empty ones.
+    """Describe the number of ARKit's shapes in a rig from its summary.
 
     A shape that a rig splits into two halves counts once.
     """
-    lacking = {*summary["missing"], *map(whole_shape_of, summary["empty"])}
-    present = len(ARKIT_SHAPES) - len(lacking)
+    missing = set(summary["missing"])
+    empty = {*map(whole_shape_of, summary["empty"])} - missing
+    present = len(ARKIT_SHAPES) - len(missing)
     text = f"{present} of ARKit's {len(ARKIT_SHAPES)} shapes"
-    if summary["shapes"] != present + len(summary["empty"]):
+    if empty:
+        text += f", {len(empty)} of them empty"
+    if summary["shapes"] != present:
         text += f", as {summary['shapes']} sliders, some for one side"
     return text
 
@@ -121,7 +126,8 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
     if "components" not in prior:
         return [f"prior: {prior['from']}"] if prior else []
     lines = [
-        f"prior: {prior['components']} factor analyzers of {prior['factors']} factors"
+        f"prior: {counted(prior['components'], 'factor analyzer', 'factor analyzers')} of "
+        f"{counted(prior['factors'], 'factor', 'factors')}"
         f"{', set by the user' if prior['fixed_by_user'] else ', chosen by cross-validation'} (log-likelihood "
         f"{prior['held_out_log_likelihood']:.1f}; one Gaussian {prior['one_gaussian']:.1f})"
     ]

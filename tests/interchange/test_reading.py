@@ -90,7 +90,7 @@ def test_a_mesh_that_was_moved_turned_and_scaled_is_laid_back(low: FaceModel, tm
     moved = 0.01 * low.instance(pose).astype(np.float64) @ rotation(6).T + [4.0, -2.0, 1.0]
     write_obj(tmp_path / "a.obj", moved, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
-    assert read.note.endswith("The mesh was aligned with the face.")
+    assert read.note.endswith("it was aligned with the face by all its vertices.")
     assert distance(low, read.coefficients, pose) < 0.01
 
 

@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from faceposer.files import paths
 from faceposer.geometry.mesh_io import MESH_SUFFIXES
+from faceposer.gui.features.import_character.advanced import draw_advanced
 from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
@@ -61,11 +62,6 @@ _REGION_TIPS = (
     "Brows, eyes and mouth move independently.",
     "The whole face is one region, as in Lau et al. (2009).",
     "Vertices that move together in the examples form a region.",
-)
-_NUMBERS = (
-    ("dimensions", "Dimensions", 500, "Number of modes; 0 chooses it from the energy of the examples"),
-    ("components", "Components", 500, "Number of factor analyzers of the prior; 0 chooses it from held-out data"),
-    ("factors", "Factors", 500, "Number of factors of each analyzer; 0 chooses it from held-out data"),
 )
 # Names and suffixes of the files that a field accepts.
 _MESHES = ("Meshes", MESH_SUFFIXES)
@@ -147,7 +143,7 @@ class ImportDialog:
         opened = imgui.tree_node_ex("Advanced", imgui.TreeNodeFlags_.span_avail_width.value)
         rects.record("import:advanced")
         if opened:
-            self._draw_advanced(rects, form)
+            draw_advanced(rects, form, _LABEL)
             imgui.tree_pop()
 
     def _draw_fields_of_kind(self, importing: "ImportCharacterFeature") -> None:
@@ -241,26 +237,6 @@ class ImportDialog:
                 "##parts", form.n_parts, 2, 12, "%d regions", imgui.SliderFlags_.always_clamp.value
             )
             rects.record("import:parts")
-
-    def _draw_advanced(self, rects: WidgetRects, form: ImportForm) -> None:
-        indent = imgui.get_style().indent_spacing / em()
-        for key, label, most, tip in _NUMBERS:
-            if key == "dimensions" and form.kind == "rig":
-                continue
-            value = getattr(form, key)
-            row_label(label, tip, _LABEL - indent)
-            imgui.set_next_item_width(em(8))
-            _, value = imgui.input_int(f"##{key}", value)
-            rects.record(f"import:{key}")
-            tooltip(tip)
-            setattr(form, key, min(max(value, 0), most))
-            if not value:
-                imgui.same_line()
-                imgui.text_disabled("Chosen from the data")
-        row_label("Credits", "Origin and licence of the character", _LABEL - indent)
-        imgui.set_next_item_width(-1.0)
-        _, form.credits = imgui.input_text_with_hint("##credits", "Origin and licence", form.credits)
-        rects.record("import:credits")
 
     # Progress
 

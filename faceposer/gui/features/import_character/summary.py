@@ -70,10 +70,16 @@ def sentence_of(about: dict[str, Any]) -> str:
     """Return a sentence about the quality of the character."""
     summary = about["summary"]
     source = "the rig's shapes" if summary["kind"] == "rig" else "the examples"
+    ignored = len(summary.get("not_arkit", ()))
+    if ignored:
+        source = f"the {counted(summary['shapes'], 'shape', 'shapes')} in use"
     text = f"The character reproduces {_percent(summary['kept_energy'])} of the motion of {source}"
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
         text += f", and held-out expressions with an error of {10.0 * curves['generalization_cm'][-1]:.2f} mm"
+    if ignored:
+        verb = "is" if ignored == 1 else "are"
+        text += f"; {counted(ignored, 'other shape', 'other shapes')} of the rig {verb} ignored"
     return f"{text}."
 
 
@@ -125,7 +131,7 @@ def _prior(prior: dict[str, Any]) -> str:
     if "components" not in prior:
         return f"{prior['from']}"
     count, factors = prior["components"], prior["factors"]
-    text = f"{count} factor analyzer{'s' if count != 1 else ''} of {factors} factor{'s' if factors != 1 else ''}"
+    text = f"{counted(count, 'factor analyzer', 'factor analyzers')} of {counted(factors, 'factor', 'factors')}"
     text += ", set by the user" if prior.get("fixed_by_user") else ", chosen from held-out data"
     if prior.get("takes"):
         text += "; from " + _listed([f"{take['file']} ({counted(take['frames'], 'frame')})" for take in prior["takes"]])
