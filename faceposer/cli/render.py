@@ -57,9 +57,12 @@ def run(options: argparse.Namespace) -> int:
         from faceposer.files import paths
 
         if Path(options.what).suffix.lower() not in ("", ".json", ".npz") and paths.exists(options.what):
+            from faceposer.cli.remedies import remedy_for
+
             raise FacePoserError(
                 f"'{options.what}' cannot be rendered; give a character (.npz), a session (.json) or a mesh "
                 f"({', '.join(MESH_SUFFIXES)})."
+                f"{remedy_for(Path(options.what))}"
             )
         from faceposer.cli.opening import open_with_remark
 

@@ -1,7 +1,6 @@
 """``faceposer sketch``: poses a face by drawn features."""
 
 import argparse
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,8 @@ from typing import Any
 from faceposer.cli.arguments import add_spread
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_not_input, check_output, write_text
+from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.writing import write_json
 
 NAME = "sketch"
 
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     seconds = time.perf_counter() - began
     session.save(options.output, strokes[-1].camera)
     if options.report is not None:
-        write_text(options.report, json.dumps(sketch_report(recognised, seconds), indent=1) + "\n", "report")
+        write_json(options.report, sketch_report(recognised, seconds), "report")
     for i, found in enumerate(recognised):
         print(printable(f"stroke {i}: {_described(found)}"))
     count = sum(found.best is not None for found in recognised)

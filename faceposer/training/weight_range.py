@@ -29,4 +29,4 @@ def in_range(weights: Array) -> tuple[Array, str] | None:
         return None
     if np.count_nonzero(beyond) == 1 and most != _WHOLE:
         return None
-    return weights / 100.0, f"Its weights reach {most:.4g} and were read as percentages."
+    return weights / 100.0, f"The weights reach {most:.4g} and were read as percentages."

@@ -139,7 +139,7 @@ def test_percentages_are_told_from_large_weights(tmp_path: Path) -> None:
 
     percent = read(100.0)
     assert percent.frames.max() == pytest.approx(1.0)
-    assert percent.notes == ("Its weights reach 100 and were read as percentages.",)
+    assert percent.notes == ("The weights reach 100 and were read as percentages.",)
     for most in (1.0, 1.05, 1.9):
         assert read(most).frames.max() == pytest.approx(most)
         assert read(most).notes == ()
