@@ -1,7 +1,7 @@
 """Recognition by the evidence of the whole stroke, from the present pose (docs/sketching.md)."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
@@ -43,7 +43,7 @@ class Tuning:
         temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
         others: The same for the strokes that have been drawn before.
         again: Prior of a feature that has been drawn before, relative to one that has not.
-        line: Prior of the line of a closed mouth, relative to another feature.
+        priors: Prior of features that are drawn less often than others, relative to these.
         unseen: Least prior of a feature that faces away.
         finalists: Number of features that are compared exactly.
     """
@@ -51,12 +51,14 @@ class Tuning:
     hand: HandModel = field(default_factory=HandModel)
     scribbles: ScribbleModel = field(default_factory=ScribbleModel)
     scribble: float = 0.2
-    spread: float = 0.4
+    spread: float = 0.3
     present: float = 0.4
-    temperature: float = 2.0
+    temperature: float = 1.5
     others: float = 4.0
     again: float = 0.35
-    line: float = 0.5
+    priors: Mapping[str, float] = field(
+        default_factory=lambda: {"mouth line": 0.7, "left lower lid": 0.5, "right lower lid": 0.5}
+    )
     unseen: float = 0.003
     finalists: int = 4
 
@@ -220,8 +222,7 @@ class WholeStrokeRecogniser:
                 continue
             logs[i] += log_openness(self._rows, part, index) / tuning.temperature
             logs[i] += np.log(max(seen[names[i]], tuning.unseen))
-            if names[i] == "mouth line":
-                logs[i] += np.log(tuning.line)
+            logs[i] += np.log(tuning.priors.get(names[i], 1.0))
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
