@@ -28,6 +28,8 @@ _LEFT_OUT = ("jaw line", "cheek line", "nose wing")
 _COMPARED = 4
 # Fewest features of a face.
 _FEWEST = 2
+# Least probability of a runner-up.
+_LEAST = 1e-3
 # Gap of two pieces of a feature, as a share of their length, and number of points of a joined stroke.
 _GAP, _POINTS = 0.15, 300
 
@@ -79,8 +81,7 @@ class _Aligned:
     lines: tuple[Array, ...]
     theta: Array
     features: Mapping[str, int]
-    ratios: Array
-    names: tuple[str, ...]
+    probabilities: Mapping[int, tuple[float, tuple[str, float] | None]]
     joined: Mapping[int, int]
 
     def by_feature(self) -> dict[str, Array]:
@@ -161,7 +162,7 @@ def _recognised(
         drawn = DrawnStroke(features.pixels(line), features.camera, None if name == NOSE_BASE else name)
         first = second = None
         if name is not None and name in FEATURES and not left_out:
-            probability, other = _probabilities(found.ratios[i], found.names, name)
+            probability, other = found.probabilities[i]
             recognition = sketcher.recognise(drawn, pose, (), name)
             points: tuple[MatchedPoint, ...] = recognition.candidates[0].points if recognition.candidates else ()
             if points:
@@ -170,15 +171,6 @@ def _recognised(
         only = name == NOSE_BASE or (name is not None and left_out)
         result.append(RecognisedStroke(stroke.name, drawn, first, second, only, found.joined.get(i)))
     return tuple(result)
-
-
-def _probabilities(ratios: Array, names: Sequence[str], name: str) -> tuple[float, tuple[str, float] | None]:
-    """Return the probability of the feature ``name`` of a stroke by itself, and the runner-up with its own."""
-    shares = np.exp(ratios - max(float(ratios.max()), 0.0))
-    shares /= shares.sum() + np.exp(-max(float(ratios.max()), 0.0))
-    order = [i for i in np.argsort(-shares) if names[i] not in {name, NOSE_BASE} and shares[i] > 1e-3]
-    other = (names[order[0]], float(shares[order[0]])) if order else None
-    return float(shares[list(names).index(name)]), other
 
 
 def _normalisation(strokes: Sequence[SvgStroke]) -> tuple[Array, float]:
@@ -226,7 +218,12 @@ class _Aligner:
             best = theta, best[1]
         lines, joined, best = self._with_pieces(lines, known, best)
         evidence = self._evidence(lines, known)
-        return _Aligned(tuple(lines), best[0], best[1].features, evidence.by_stroke(best[0]), evidence.names, joined)
+        probabilities = {}
+        for name, i in best[1].features.items():
+            among = self._joint.alternatives(evidence, best[0], best[1].features, i)
+            other = next(((n, p) for n, p in among if n not in {None, name, NOSE_BASE} and p > _LEAST), None)
+            probabilities[i] = dict(among).get(name, 1.0), None if other is None else (str(other[0]), other[1])
+        return _Aligned(tuple(lines), best[0], best[1].features, probabilities, joined)
 
     def _evidence(self, lines: Sequence[Array], known: Mapping[int, str]) -> StrokeEvidence:
         density = {

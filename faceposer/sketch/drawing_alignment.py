@@ -21,7 +21,7 @@ Ids = NDArray[np.intp]
 # Divides log ratios, since the errors of samples are less independent than assumed.
 _TEMPERATURE = 2.0
 # Largest rotation of a drawing and its standard deviation, in radians.
-_STEEPEST, _TILT = 0.8, 0.2
+_STEEPEST, _TILT = 0.6, 0.12
 # Size of a drawing in units of the hand: the face has 720.
 _SMALLEST, _LARGEST = 300.0, 6000.0
 # Numbers of strokes from which similarities are proposed, of proposals refined, and of rounds of refinement.

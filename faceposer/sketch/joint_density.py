@@ -1,6 +1,7 @@
 """Joint density of all strokes of a drawing, given their features: poses, proportions and the errors of a hand."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +16,30 @@ Array = NDArray[np.float64]
 # Samples of a stroke that are used.
 _USED = np.linspace(0, SAMPLES - 1, 8).round().astype(np.intp)
 # Errors of the hand beside those of proportions, in units of the hand.
+# Features that lie below each other in every face, and the log odds against a drawing in which two do not.
+_ORDERS = (
+    *(tuple(f"{side} {part}" for part in ("brow", "upper lid", "lower lid")) for side in ("left", "right")),
+    ("outer upper lip", "inner upper lip", "mouth line", "inner lower lip", "outer lower lip"),
+    ("left lower lid", NOSE_BASE, "mouth line"),
+    ("left eye outline", NOSE_BASE, "mouth outline"),
+)
+_DISORDER = 8.0
+# Log odds against a feature that is drawn on one side alone.
+_ONE_SIDED = 4.0
+# Standard deviation of the rotation of a drawing, in radians, and of the logarithm of its scale.
+_TILT, _SCALE = 0.12, 0.5
 _HAND = HandModel(shift=10.0, jitter=9.0, smoothness=0.3, tremor=4.0, ends=0.1, slide=0.08, size=0.12, turn=0.1)
 # Expressions of drawings are stronger than those of faces.
 _STRONGER = 1.3
 # Standard deviations of proportions: of the places of a group, apart and up, in units of the hand, and of its sizes.
 _APART, _UP, _SIZE = 24.0, 32.0, 0.25
 _GROUPS = ("brow", "lid eye", "nose", "lip mouth", "cheek", "jaw")
+# Log ratio of a feature by itself below which it is not considered.
+_HOPELESS = -20.0
 _TEMPERATURE, _MOST_STEPS, _TRIED = 2.0, 12, 5
 _ODDS = 2.0
 # Prior log odds against features; most mouths are drawn as one line.
-_RARE = {"mouth line": 0.5, "outer upper lip": 3.0, "inner upper lip": 5.0, "inner lower lip": 5.0}
+_RARE = {"mouth line": 0.0, "outer upper lip": 4.0, "outer lower lip": 1.5, "inner upper lip": 5.0, "inner lower lip": 5.0}
 
 
 def group_of(feature: str) -> int:
@@ -90,7 +105,7 @@ class JointDensity:
                 found.append((-1.0, without))
             for i in np.argsort(-ratios[stroke])[:_TRIED]:
                 name = evidence.names[int(i)]
-                if name == before or not ratios[stroke, i] > -20.0:
+                if name == before or not ratios[stroke, i] > _HOPELESS:
                     continue
                 excluded = _excluded(name)
                 changed = {other: s for other, s in without.items() if other != name and other not in excluded}
@@ -99,6 +114,26 @@ class JointDensity:
                 if name in current and before is not None and np.isfinite(ratios[current[name], evidence.names.index(before)]):
                     found.append((float(ratios[stroke, i]) + 1.0, changed | {before: current[name]}))
         return [changed for _, changed in sorted(found, key=lambda pair: -pair[0])]
+
+    def alternatives(
+        self, evidence: StrokeEvidence, theta: Array, features: Mapping[str, int], stroke: int
+    ) -> list[tuple[str | None, float]]:
+        """Return the features that ``stroke`` may depict, given those of all others, with their probabilities.
+
+        None stands for no feature. The most probable is the first.
+        """
+        others = {name: i for name, i in features.items() if i != stroke}
+        ratios = evidence.by_stroke(theta)[stroke]
+        names: list[str | None] = [None]
+        for i in np.flatnonzero(ratios > _HOPELESS):
+            name = evidence.names[int(i)]
+            if name not in others and not _excluded(name) & set(others):
+                names.append(name)
+        scores = np.array([self.score(evidence, theta, others if n is None else others | {n: stroke}) for n in names])
+        shares = np.exp(scores - scores.max())
+        shares /= shares.sum()
+        order = np.argsort(-shares, kind="stable")
+        return [(names[int(i)], float(shares[i])) for i in order]
 
     def fitted(self, evidence: StrokeEvidence, theta: Array, features: Mapping[str, int]) -> tuple[Array, float]:
         """Return the similarity that suits the assignment ``features``, and the score there."""
@@ -113,14 +148,14 @@ class JointDensity:
 
     def score(self, evidence: StrokeEvidence, theta: Array, features: Mapping[str, int]) -> float:
         """Return the log ratio of the assignment ``features`` to that of no feature at all."""
-        tilt = -0.5 * (float(np.arctan2(theta[1], theta[0])) / 0.2) ** 2
-        size = float(np.hypot(theta[0], theta[1]))
-        tilt -= 0.5 * (float(np.log(max(size, 1e-9) / 650.0)) / 0.5) ** 2
+        tilt = -0.5 * (float(np.arctan2(theta[1], theta[0])) / _TILT) ** 2
+        tilt -= 0.5 * (float(log_size(theta[None])[0]) / _SCALE) ** 2
         if not features:
             return tilt
         names = list(features)
         moves, mean, covariance = self._parts(evidence, theta, features, names)
         places = moves @ theta
+        heights = dict(zip(names, places.reshape(len(names), -1, 2)[..., 1].mean(axis=1).tolist(), strict=True))
         root = np.linalg.cholesky(covariance)
         white = np.linalg.solve(root, places - mean)
         together = -0.5 * float(white @ white) - float(np.log(np.diagonal(root)).sum())
@@ -130,7 +165,7 @@ class JointDensity:
         apart = self._nothing.log_peak - 0.5 * np.einsum("ki,ij,kj->k", each, self._nothing.precision, each)
         plain = [name.removeprefix("left ").removeprefix("right ") for name in names]
         odds = sum(_RARE.get(name, _ODDS) for name in plain)
-        return (together - float(apart.sum())) / _TEMPERATURE - odds + tilt
+        return (together - float(apart.sum())) / _TEMPERATURE - odds + tilt - _unlikely(heights)
 
     def _parts(
         self, evidence: StrokeEvidence, theta: Array, features: Mapping[str, int], names: Sequence[str]
@@ -139,6 +174,18 @@ class JointDensity:
         chosen = np.concatenate([np.arange(self._size) + self._index[name] * self._size for name in names])
         moves = np.concatenate([stroke_moves(evidence.samples[rows[name]][_USED]) for name in names])
         return moves, self._mean[chosen], self._covariance[np.ix_(chosen, chosen)]
+
+
+def _unlikely(heights: Mapping[str, float]) -> float:
+    """Return the log odds against features at these heights, y downwards: out of order, or on one side alone."""
+    odds = 0.0
+    for order in _ORDERS:
+        drawn = [heights[name] for name in order if name in heights]
+        odds += _DISORDER * sum(a >= b for a, b in pairwise(drawn))
+    for name in heights:
+        if name in FEATURES and FEATURES[name].mirror not in heights:
+            odds += _ONE_SIDED
+    return odds
 
 
 def _excluded(name: str) -> set[str]:
