@@ -99,7 +99,7 @@ class SketchingMixin:
     def sketch_drawing(
         self: _Face, path: str | Path, camera: Camera | None = None, relative: str | Path = "auto"
     ) -> "RecognisedDrawing":
-        """Pose the face by a drawing in SVG, whose lines become sketches in place of earlier ones (docs/drawings.md).
+        """Add the lines of a drawing in SVG as sketches, in place of earlier ones (docs/drawings.md).
 
         Args:
             path: The SVG file.
@@ -119,7 +119,6 @@ class SketchingMixin:
         checked = face_view(self.character).camera((960, 960)) if camera is None else self._checked_camera(camera)
         found, sketches = read_drawing(self.model, Path(path), checked, Relative.of(str(relative)))
         add_sketches(self.session, sketches, Path(path).name)
-        self.session.wait(timeout=600.0)
         return found
 
     @property

@@ -15,7 +15,7 @@ from faceposer.sketch.feature_templates import LOOSE, NOSE_BASE, ViewedFeatures,
 from faceposer.sketch.joint_density import JointDensity
 from faceposer.sketch.outlines import is_closed
 from faceposer.sketch.polyline import evenly, lengths_along
-from faceposer.sketch.proportions import GROUPS, NEED_NEUTRAL, GroupMap, by_neutral, by_statistics
+from faceposer.sketch.proportions import GROUPS, NEED_NEUTRAL, Frame, GroupMap, by_neutral, by_statistics
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint
 from faceposer.sketch.sketcher import Sketcher
 from faceposer.sketch.svg_file import SvgDrawing, SvgStroke
@@ -214,8 +214,7 @@ class _Aligner:
             raise FacePoserError(
                 f"No face was found in the {noun}: brows, eyes and a mouth, upright, must be lines of their own."
             )
-        if theta is not None:
-            best = theta, best[1]
+        best = (_levelled(best[0], lines, best[1].features) if theta is None else theta), best[1]
         lines, joined, best = self._with_pieces(lines, known, best)
         evidence = self._evidence(lines, known)
         probabilities = {}
@@ -255,6 +254,20 @@ class _Aligner:
                     lines[j], joined[i] = whole, j
                     break
         return lines, joined, (theta, replace(assignment))
+
+
+def _levelled(theta: Array, lines: Sequence[Array], features: Mapping[str, int]) -> Array:
+    """Return ``theta`` turned so that the corners of both eyes are level: a raised brow or corner is no rotation."""
+    drawn = {name: similar(lines[i], theta) for name, i in features.items()}
+    left, right = Frame.of("left eye", drawn), Frame.of("right eye", drawn)
+    if left is None or right is None or left.x <= right.x:
+        return theta
+    angle = float(np.arctan2(left.y - right.y, left.x - right.x))
+    about = np.array([0.5 * (left.x + right.x), 0.5 * (left.y + right.y)])
+    cos, sin = np.cos(angle), np.sin(angle)
+    back = np.array([[cos, sin], [-sin, cos]])
+    turned = back @ theta[:2]
+    return np.concatenate([turned, back @ (theta[2:] - about) + about])
 
 
 def _end_to_end(first: Array, second: Array) -> Array | None:

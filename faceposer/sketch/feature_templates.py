@@ -26,6 +26,8 @@ NEAR = HandModel(shift=20.0, jitter=9.0, smoothness=0.3, tremor=3.0, ends=0.08, 
 _PLACE, _EXTENT = 230.0, 100.0
 # Standard deviation of the relative height of the outline of an eye.
 _ROUND = 2.0
+# Standard deviation of the height of an open mouth, as a share of its width.
+_OPEN = 0.25
 # Standard deviation of the relative length of a lower lip.
 _SHORT = 0.35
 # Numbers of samples by which the start of a closed line may be shifted.
@@ -112,7 +114,7 @@ class ViewedFeatures:
 def drawn_freely(name: str, mean: Array) -> Array:
     """Return directions in which artists draw a feature unlike any face, by their standard deviations.
 
-    Outlines of eyes are rounder, and a lower lip is often a short line below the mouth.
+    Outlines of eyes and open mouths are rounder, and a lower lip is often a short line below the mouth.
 
     Args:
         name: Name of the feature.
@@ -121,6 +123,10 @@ def drawn_freely(name: str, mean: Array) -> Array:
     Returns:
         Directions, shape (SAMPLES, 2, k).
     """
+    if name == "mouth outline":
+        around = mean - mean.mean(axis=0)
+        opened = around * (0.0, _OPEN * float(np.ptp(mean[:, 0])) / max(float(np.ptp(mean[:, 1])), 1e-6))
+        return (opened + (0.0, 0.5 * float(np.ptp(opened[:, 1]))))[..., None]
     if name.endswith("eye outline"):
         return ((mean - mean.mean(axis=0)) * (0.0, _ROUND))[..., None]
     if name == "outer lower lip":

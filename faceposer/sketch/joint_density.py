@@ -26,6 +26,8 @@ _ORDERS = (
 _DISORDER = 8.0
 # Log odds against a feature that is drawn on one side alone.
 _ONE_SIDED = 4.0
+# Log odds against a face without a mouth, or with one lip alone.
+_NO_MOUTH = 6.0
 # Standard deviation of the rotation of a drawing, in radians, and of the logarithm of its scale.
 _TILT, _SCALE = 0.12, 0.5
 _HAND = HandModel(shift=10.0, jitter=9.0, smoothness=0.3, tremor=4.0, ends=0.1, slide=0.08, size=0.12, turn=0.1)
@@ -36,10 +38,12 @@ _APART, _UP, _SIZE = 24.0, 32.0, 0.25
 _GROUPS = ("brow", "lid eye", "nose", "lip mouth", "cheek", "jaw")
 # Log ratio of a feature by itself below which it is not considered.
 _HOPELESS = -20.0
-_TEMPERATURE, _MOST_STEPS, _TRIED = 2.0, 12, 5
+# Log-evidence temperature, numbers of exchanges, of features tried for each stroke, and of exchanges tried with a new
+# similarity.
+_TEMPERATURE, _MOST_STEPS, _TRIED, _REFITTED = 2.0, 12, 5, 60
 _ODDS = 2.0
 # Prior log odds against features; most mouths are drawn as one line.
-_RARE = {"mouth line": 0.0, "outer upper lip": 4.0, "outer lower lip": 1.5, "inner upper lip": 5.0, "inner lower lip": 5.0}
+_RARE = {"mouth line": 1.0, "mouth outline": -2.0, "outer upper lip": 4.0, "outer lower lip": 1.5, "inner upper lip": 5.0, "inner lower lip": 5.0}
 
 
 def group_of(feature: str) -> int:
@@ -82,11 +86,19 @@ class JointDensity:
         current = dict(start.features)
         for _ in range(_MOST_STEPS):
             improved = False
-            for changed in self._exchanges(evidence, theta, current):
-                if (value := self.score(evidence, theta, changed)) > score + 1e-6:
+            changes = self._exchanges(evidence, theta, current)
+            for changed in changes:
+                if self.score(evidence, theta, changed) > score + 1e-6:
                     theta, score = self.fitted(evidence, theta, changed)
                     current, improved = changed, True
                     break
+            else:
+                # Some features fit once the similarity follows them.
+                for changed in changes[:_REFITTED]:
+                    turned, value = self.fitted(evidence, theta, changed)
+                    if value > score + 1e-6:
+                        theta, score, current, improved = turned, value, changed, True
+                        break
             if not improved:
                 break
         return theta, Assignment(current, score)
@@ -110,7 +122,7 @@ class JointDensity:
                 excluded = _excluded(name)
                 changed = {other: s for other, s in without.items() if other != name and other not in excluded}
                 changed[name] = stroke
-                found.append((float(ratios[stroke, i]), changed))
+                found.append((float(ratios[stroke, i]) + (10.0 if before is None and len(changed) > len(current) else 0.0), changed))
                 if name in current and before is not None and np.isfinite(ratios[current[name], evidence.names.index(before)]):
                     found.append((float(ratios[stroke, i]) + 1.0, changed | {before: current[name]}))
         return [changed for _, changed in sorted(found, key=lambda pair: -pair[0])]
@@ -185,6 +197,10 @@ def _unlikely(heights: Mapping[str, float]) -> float:
     for name in heights:
         if name in FEATURES and FEATURES[name].mirror not in heights:
             odds += _ONE_SIDED
+    # A single lip is drawn with the line of the mouth or with the other lip.
+    lips = [name for name in heights if "lip" in name]
+    if "mouth outline" not in heights and "mouth line" not in heights:
+        odds += _NO_MOUTH if len(lips) < 2 else 0.0
     return odds
 
 
