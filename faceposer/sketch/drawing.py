@@ -12,6 +12,7 @@ from faceposer.model.feature_curves import FEATURES
 from faceposer.progress import Progress
 from faceposer.sketch.drawing_alignment import Assignment, StrokeEvidence, aligned, similar
 from faceposer.sketch.feature_templates import LOOSE, NOSE_BASE, ViewedFeatures, no_feature
+from faceposer.sketch.hand import SAMPLES
 from faceposer.sketch.joint_density import JointDensity
 from faceposer.sketch.outlines import is_closed
 from faceposer.sketch.polyline import evenly, lengths_along
@@ -28,6 +29,8 @@ _LEFT_OUT = ("jaw line", "cheek line", "nose wing")
 _COMPARED = 4
 # Fewest features of a face.
 _FEWEST = 2
+# Fewest features whose middles tell the size of a drawing.
+_SETTLED = 4
 # Least probability of a runner-up.
 _LEAST = 1e-3
 # Gap of two pieces of a feature, as a share of their length, and number of points of a joined stroke.
@@ -214,7 +217,9 @@ class _Aligner:
             raise FacePoserError(
                 f"No face was found in the {noun}: brows, eyes and a mouth, upright, must be lines of their own."
             )
-        best = (_levelled(best[0], lines, best[1].features) if theta is None else theta), best[1]
+        if theta is None:
+            theta = _settled(best[0], lines, best[1].features, self._features.neutral)
+        best = theta, best[1]
         lines, joined, best = self._with_pieces(lines, known, best)
         evidence = self._evidence(lines, known)
         probabilities = {}
@@ -256,18 +261,25 @@ class _Aligner:
         return lines, joined, (theta, replace(assignment))
 
 
-def _levelled(theta: Array, lines: Sequence[Array], features: Mapping[str, int]) -> Array:
-    """Return ``theta`` turned so that the corners of both eyes are level: a raised brow or corner is no rotation."""
+def _settled(
+    theta: Array, lines: Sequence[Array], features: Mapping[str, int], neutral: Mapping[str, Array]
+) -> Array:
+    """Return ``theta`` with the size, angle and place of the neutral face.
+
+    Densities favour large drawings. The size is the ratio of the spreads of the features' middles instead, and the
+    corners of both eyes are level, since a raised brow or corner of the mouth is no rotation.
+    """
     drawn = {name: similar(lines[i], theta) for name, i in features.items()}
     left, right = Frame.of("left eye", drawn), Frame.of("right eye", drawn)
-    if left is None or right is None or left.x <= right.x:
-        return theta
-    angle = float(np.arctan2(left.y - right.y, left.x - right.x))
-    about = np.array([0.5 * (left.x + right.x), 0.5 * (left.y + right.y)])
-    cos, sin = np.cos(angle), np.sin(angle)
-    back = np.array([[cos, sin], [-sin, cos]])
-    turned = back @ theta[:2]
-    return np.concatenate([turned, back @ (theta[2:] - about) + about])
+    angle = 0.0
+    if left is not None and right is not None and left.x > right.x:
+        angle = float(np.arctan2(left.y - right.y, left.x - right.x))
+    own = np.array([evenly(line, SAMPLES).mean(axis=0) for line in drawn.values()])
+    head = np.array([neutral[name].mean(axis=0) for name in drawn])
+    spread = [float(np.square(points - points.mean(axis=0)).sum()) for points in (own, head)]
+    scale = float(np.sqrt(spread[1] / spread[0])) if len(own) >= _SETTLED and min(spread) > 0.0 else 1.0
+    back = scale * np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return np.concatenate([back @ theta[:2], back @ (theta[2:] - own.mean(axis=0)) + head.mean(axis=0)])
 
 
 def _end_to_end(first: Array, second: Array) -> Array | None:

@@ -130,7 +130,8 @@ class _Reader:
         if tag in _DEFINITIONS or tag in _SILENT or " " in tag:
             return
         style = self._tree.style(element, place.style)
-        if style.get("display") == "none" or _zero(style.get("opacity")):
+        hidden = style.get("display") == "none" and _label(element) != NEUTRAL
+        if hidden or _zero(style.get("opacity")):
             self._ignored["hidden layer or object"] += 1
             return
         try:
@@ -149,7 +150,7 @@ class _Reader:
             self._ignored[_NOUNS.get(tag, "object of another kind")] += 1
 
     def _inner(self, element: Element, place: _Place, style: Mapping[str, str]) -> _Place:
-        label = element.attributes.get(_LABEL, element.attributes.get("id", "")).strip().lower()
+        label = _label(element)
         matrix = place.matrix @ transform(element.attributes.get("transform", ""))
         size = place.size
         if element.tag == "svg":
@@ -207,6 +208,10 @@ class _Reader:
                 raise _TooLargeError(
                     f"it has more than {MOST_STROKES} lines; hide those that do not belong to the features of the face"
                 )
+
+
+def _label(element: Element) -> str:
+    return element.attributes.get(_LABEL, element.attributes.get("id", "")).strip().lower()
 
 
 def _plural(noun: str) -> str:
