@@ -62,7 +62,9 @@ def run(options: argparse.Namespace) -> int:
     if not is_drawing and options.relative is not None:
         raise FacePoserError("--relative is for drawings (.svg); strokes of a .json file are taken as they are.")
     if is_drawing and options.recognition is not None:
-        raise FacePoserError("--recognition is for strokes of a .json file; the lines of a drawing are judged together.")
+        raise FacePoserError(
+            "--recognition is for strokes of a .json file; the lines of a drawing are judged together."
+        )
     if is_drawing:
         return _run_drawing(options)
     from faceposer.cli.opening import open_with_remark

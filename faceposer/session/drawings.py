@@ -1,6 +1,8 @@
 """Whole drawings that become sketches of a session."""
 
+import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,12 +69,12 @@ def read_drawing(
         raise FacePoserError(f"'{path}': {error}") from error
     sketches, strokes = [], []
     for stroke in found.strokes:
+        sketch = None
         if stroke.candidate is not None:
-            try:
-                sketches.append(sketch_of(stroke.stroke, stroke.candidate).resolved(model, model.neutral()))
-            except ValueError:
-                stroke = replace(stroke, candidate=None)
-        strokes.append(stroke)
+            with suppress(ValueError):
+                sketch = sketch_of(stroke.stroke, stroke.candidate).resolved(model, model.neutral())
+                sketches.append(sketch)
+        strokes.append(stroke if sketch is not None else replace(stroke, candidate=None))
     if not sketches:
         raise FacePoserError(f"'{path}': no line of the drawing matches a feature of '{model.character.title}'.")
     return replace(found, strokes=tuple(strokes)), tuple(sketches)
@@ -107,7 +109,7 @@ def drawing_report(found: "RecognisedDrawing", seconds: float) -> dict[str, Any]
         )
     return {
         "strokes": strokes,
-        "alignment": {"scale": found.scale, "rotation_degrees": found.rotation * 180.0 / 3.141592653589793},
+        "alignment": {"scale": found.scale, "rotation_degrees": math.degrees(found.rotation)},
         "relative": found.relative,
         "remarks": list(found.remarks),
         "seconds": seconds,

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 # Features by which drawings are aligned; the others are too much like hair, ears and wrinkles.
 _LEFT_OUT = ("jaw line", "cheek line", "nose wing")
 # Number of alignments that are compared by the joint density.
-_COMPARED = 4
+_COMPARED = 3
 # Fewest features of a face.
 _FEWEST = 2
 # Fewest features whose middles tell the size of a drawing.
@@ -261,9 +261,7 @@ class _Aligner:
         return lines, joined, (theta, replace(assignment))
 
 
-def _settled(
-    theta: Array, lines: Sequence[Array], features: Mapping[str, int], neutral: Mapping[str, Array]
-) -> Array:
+def _settled(theta: Array, lines: Sequence[Array], features: Mapping[str, int], neutral: Mapping[str, Array]) -> Array:
     """Return ``theta`` with the size, angle and place of the neutral face.
 
     Densities favour large drawings. The size is the ratio of the spreads of the features' middles instead, and the

@@ -225,7 +225,7 @@ def assigned(ratios: Array, names: Sequence[str]) -> Assignment:
         names: Names of the features.
     """
     # Imported late to shorten the start of the window.
-    from scipy.optimize import linear_sum_assignment
+    from scipy.optimize import linear_sum_assignment  # noqa: TID251  # an assignment, not a pose
 
     best = Assignment({}, 0.0)
     exclusive = [pair for pair in mutually_exclusive(names) if _drawn(ratios, names, pair[0])]

@@ -101,8 +101,12 @@ class ViewedFeatures:
             flat = self.poses[name].reshape(len(self.poses[name]), -1)
             mean = flat.mean(axis=0)
             slack = hand.slack(mean.reshape(1, SAMPLES, 2))[0].reshape(2 * SAMPLES, -1)
-            slack = np.concatenate([slack, drawn_freely(name, mean.reshape(SAMPLES, 2)).reshape(2 * SAMPLES, -1)], axis=1)
-            covariance = np.cov(flat.T) + np.kron(hand.covariance, np.eye(2)) + slack @ slack.T
+            slack = np.concatenate(
+                [slack, drawn_freely(name, mean.reshape(SAMPLES, 2)).reshape(2 * SAMPLES, -1)], axis=1
+            )
+            covariance = (
+                np.asarray(np.cov(flat.T), dtype=np.float64) + np.kron(hand.covariance, np.eye(2)) + slack @ slack.T
+            )
             found[name] = Gaussian.of(mean, covariance)
         return found
 

@@ -7,7 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.feature_curves import FEATURES
-from faceposer.sketch.drawing_alignment import DIMENSIONS, USUAL, Assignment, StrokeEvidence, log_size, solved, stroke_moves
+from faceposer.sketch.drawing_alignment import (
+    DIMENSIONS,
+    USUAL,
+    Assignment,
+    StrokeEvidence,
+    log_size,
+    solved,
+    stroke_moves,
+)
 from faceposer.sketch.feature_templates import NOSE_BASE, Gaussian, ViewedFeatures, drawn_freely, no_feature
 from faceposer.sketch.hand import SAMPLES, HandModel
 
@@ -40,10 +48,17 @@ _GROUPS = ("brow", "lid eye", "nose", "lip mouth", "cheek", "jaw")
 _HOPELESS = -20.0
 # Log-evidence temperature, numbers of exchanges, of features tried for each stroke, and of exchanges tried with a new
 # similarity.
-_TEMPERATURE, _MOST_STEPS, _TRIED, _REFITTED = 2.0, 12, 5, 60
+_TEMPERATURE, _MOST_STEPS, _TRIED, _REFITTED = 2.0, 12, 5, 40
 _ODDS = 2.0
 # Prior log odds against features; most mouths are drawn as one line.
-_RARE = {"mouth line": 1.0, "mouth outline": -2.0, "outer upper lip": 4.0, "outer lower lip": 1.5, "inner upper lip": 5.0, "inner lower lip": 5.0}
+_RARE = {
+    "mouth line": 1.0,
+    "mouth outline": -2.0,
+    "outer upper lip": 4.0,
+    "outer lower lip": 1.5,
+    "inner upper lip": 5.0,
+    "inner lower lip": 5.0,
+}
 
 
 def group_of(feature: str) -> int:
@@ -122,8 +137,17 @@ class JointDensity:
                 excluded = _excluded(name)
                 changed = {other: s for other, s in without.items() if other != name and other not in excluded}
                 changed[name] = stroke
-                found.append((float(ratios[stroke, i]) + (10.0 if before is None and len(changed) > len(current) else 0.0), changed))
-                if name in current and before is not None and np.isfinite(ratios[current[name], evidence.names.index(before)]):
+                found.append(
+                    (
+                        float(ratios[stroke, i]) + (10.0 if before is None and len(changed) > len(current) else 0.0),
+                        changed,
+                    )
+                )
+                if (
+                    name in current
+                    and before is not None
+                    and np.isfinite(ratios[current[name], evidence.names.index(before)])
+                ):
                     found.append((float(ratios[stroke, i]) + 1.0, changed | {before: current[name]}))
         return [changed for _, changed in sorted(found, key=lambda pair: -pair[0])]
 

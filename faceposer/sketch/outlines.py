@@ -29,7 +29,7 @@ def centreline(outline: Array) -> Array | None:
     x, y = around.T
     area = 0.5 * abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()))
     half = 0.5 * float(lengths_along(np.concatenate([around, around[:1]]))[-1])
-    if not 0.0 < half or area / half**2 > _WIDEST:
+    if half <= 0.0 or area / half**2 > _WIDEST:
         return None
     # Ends of a stroke are half the outline apart, and sharp: both sides leave them in the same direction.
     reach = max(_SIDE // 8, 2)

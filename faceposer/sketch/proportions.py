@@ -13,7 +13,10 @@ Array = NDArray[np.float64]
 
 #: Features whose proportions go together, by the name of the group.
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    **{f"{side} eye": tuple(f"{side} {p}" for p in ("upper lid", "lower lid", "eye outline")) for side in ("left", "right")},
+    **{
+        f"{side} eye": tuple(f"{side} {p}" for p in ("upper lid", "lower lid", "eye outline"))
+        for side in ("left", "right")
+    },
     "left brow": ("left brow",),
     "right brow": ("right brow",),
     "nose": (NOSE_BASE,),
@@ -47,7 +50,7 @@ class Frame:
 
     Attributes:
         x: Middle between its left and right end.
-        y: Height of the ends of an eye, of the upper edge of a mouth, else the mean height.
+        y: Height of the ends of an eye, of the lower end of a nose, of the upper edge of a mouth, else the mean height.
         width: Distance of its ends.
         height: Distance of its top and bottom.
     """
@@ -67,6 +70,8 @@ class Frame:
         low, high = points.min(axis=0), points.max(axis=0)
         if group.endswith("eye"):
             y = float(0.5 * (points[np.argmin(points[:, 0]), 1] + points[np.argmax(points[:, 0]), 1]))
+        elif group == "nose":
+            y = float(high[1])
         elif group == "mouth":
             at = np.clip(((points[:, 0] - low[0]) / max(high[0] - low[0], 1e-9) * _BINS).astype(int), 0, _BINS - 1)
             y = float(np.mean([points[at == i, 1].min() for i in np.unique(at)]))
@@ -113,9 +118,9 @@ def by_neutral(features: ViewedFeatures, neutral: Mapping[str, Array]) -> dict[s
 def by_statistics(features: ViewedFeatures, drawn: Mapping[str, Array]) -> dict[str, GroupMap]:
     """Return the maps by group for a drawing without a neutral face.
 
-    Eyes are mapped by their corners, which expressions hardly move; the mouth to its height. Of other deviations from
-    the neutral face, the share S^2 / (S^2 + E^2) is taken for proportion: E is the spread of the training poses, S that
-    of the deviations of eyes and nose, which are known to be proportions.
+    Eyes are mapped by their corners, which expressions hardly move, the mouth by its distance from the nose. Of other
+    deviations from the neutral face, the share S^2 / (S^2 + E^2) is taken for proportion: E is the spread of the
+    training poses, S that of the deviations of eyes and nose, which are known to be proportions.
 
     Args:
         features: The features of the character in the view.
@@ -124,7 +129,9 @@ def by_statistics(features: ViewedFeatures, drawn: Mapping[str, Array]) -> dict[
     frames: dict[str, tuple[Frame, Frame]] = {}
     for group, names in GROUPS.items():
         own = Frame.of(group, drawn)
-        head = Frame.of(group, {name: features.neutral[name] for name in names if name in drawn and name in features.neutral})
+        head = Frame.of(
+            group, {name: features.neutral[name] for name in names if name in drawn and name in features.neutral}
+        )
         if own is not None and head is not None:
             frames[group] = own, head
     rigid = [frames[group] for group in ("left eye", "right eye", "nose") if group in frames]
@@ -157,9 +164,14 @@ def by_statistics(features: ViewedFeatures, drawn: Mapping[str, Array]) -> dict[
     if "mouth" in frames:
         own, head = frames["mouth"]
         name = next(name for name in GROUPS["mouth"] if name in drawn)
-        apart, _, wide = spread.of(name)
+        apart, up, wide = spread.of(name)
         scale = float(np.exp(_share(size, wide) * np.log(head.width / own.width)))
-        shift = _share(place, apart) * (head.x - own.x), head.y - own.y
+        down = head.y - own.y
+        if "nose" in frames:
+            # A lip nearer to the nose is raised; without a nose, the height of the mouth tells nothing.
+            by_nose = frames["nose"][1].y - frames["nose"][0].y
+            down = by_nose + _share(place, up) * (down - by_nose)
+        shift = _share(place, apart) * (head.x - own.x), down
         maps["mouth"] = GroupMap((own.x, own.y), (scale, scale), shift)
     return maps
 

@@ -247,7 +247,7 @@ def _viewport(element: Element, outer: tuple[float, float]) -> tuple[Array, tupl
     sx, sy = (width or across) / across, (height or down) / down
     if "width" not in element.attributes or "height" not in element.attributes:
         # A drawing without a size is scaled in proportion; its size does not matter.
-        sx = sy = (sx if "width" in element.attributes else sy if "height" in element.attributes else 1.0)
+        sx = sy = sx if "width" in element.attributes else sy if "height" in element.attributes else 1.0
     dx = dy = 0.0
     if not get("preserveAspectRatio", "").strip().startswith("none"):
         scale = min(sx, sy)

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,9 +59,7 @@ def _matrix(name: str, values: list[float]) -> Array:
         case "rotate", [angle, *centre] if len(centre) in {0, 2}:
             cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
             x, y = centre or (0.0, 0.0)
-            return np.array(
-                [[cos, -sin, x - cos * x + sin * y], [sin, cos, y - sin * x - cos * y], [0.0, 0.0, 1.0]]
-            )
+            return np.array([[cos, -sin, x - cos * x + sin * y], [sin, cos, y - sin * x - cos * y], [0.0, 0.0, 1.0]])
         case "skewX", [angle]:
             return np.array([[1.0, math.tan(math.radians(angle)), 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
         case "skewY", [angle]:
@@ -108,7 +107,7 @@ def lines_of(tag: str, attributes: Mapping[str, str], size: tuple[float, float])
 def _path_lines(data: str) -> list[Array]:
     """Return the subpaths of the ``data`` of a path."""
     # Imported late: only drawings need it.
-    from svg.path import Arc, Close, CubicBezier, Line, Move, QuadraticBezier, parse_path
+    from svg.path import Close, Move, parse_path
 
     if len(data) > MOST_CHARACTERS:
         raise ValueError("its data are too long")
@@ -122,22 +121,12 @@ def _path_lines(data: str) -> list[Array]:
         if isinstance(segment, Move):
             lines.append([segment.end])
             continue
-        if isinstance(segment, Line | Close):
-            points = [segment.end]
-        elif isinstance(segment, CubicBezier):
-            points = _bezier([segment.start, segment.control1, segment.control2, segment.end])
-        elif isinstance(segment, QuadraticBezier):
-            points = _bezier([segment.start, segment.control, segment.end])
-        elif isinstance(segment, Arc):
-            points = _arc(segment)
-        else:
-            continue
-        if isinstance(segment, Close) or not lines or lines[-1][-1] != segment.start:
-            # What follows a closed subpath without a move starts a new one at the same point.
-            if not lines or lines[-1][-1] != segment.start:
-                lines.append([segment.start])
+        points = _points(segment)
+        if not lines or lines[-1][-1] != segment.start:
+            lines.append([segment.start])
         lines[-1] += points
         if isinstance(segment, Close):
+            # What follows a closed subpath without a move starts a new one at the same point.
             lines.append([segment.end])
         count += len(points)
         if count > MOST_POINTS:
@@ -145,17 +134,28 @@ def _path_lines(data: str) -> list[Array]:
     return [np.array([[point.real, point.imag] for point in line]) for line in lines if len(line) > 1]
 
 
+def _points(segment: object) -> list[complex]:
+    """Return points of a segment of a path after its first."""
+    from svg.path import Arc, CubicBezier, QuadraticBezier
+
+    if isinstance(segment, CubicBezier):
+        return _bezier([segment.start, segment.control1, segment.control2, segment.end])
+    if isinstance(segment, QuadraticBezier):
+        return _bezier([segment.start, segment.control, segment.end])
+    return _arc(segment) if isinstance(segment, Arc) else [segment.end]  # type: ignore[attr-defined]
+
+
 def _bezier(controls: list[complex]) -> list[complex]:
     """Return points of a Bezier curve after its first, so close that they turn by a few degrees each."""
-    legs = [b - a for a, b in zip(controls, controls[1:], strict=False) if b != a]
-    turn = sum(abs(math.atan2((b * a.conjugate()).imag, (b * a.conjugate()).real)) for a, b in zip(legs, legs[1:], strict=False))
+    legs = [b - a for a, b in pairwise(controls) if b != a]
+    turn = sum(abs(math.atan2((b * a.conjugate()).imag, (b * a.conjugate()).real)) for a, b in pairwise(legs))
     if not math.isfinite(turn):
         raise ValueError("its numbers are too large")
     count = min(max(math.ceil(turn / _ANGLE), 1), _MOST_OF_CURVE)
     t = np.arange(1, count + 1) / count
     points = [np.full(count, control) for control in controls]
     while len(points) > 1:
-        points = [a + t * (b - a) for a, b in zip(points, points[1:], strict=False)]
+        points = [a + t * (b - a) for a, b in pairwise(points)]
     found: list[complex] = points[0].tolist()
     return found
 
