@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
-from faceposer.model.feature_curves import FEATURES
+from faceposer.model.feature_curves import FEATURES, feature_curves
 from faceposer.progress import Progress
 from faceposer.sketch.drawing_alignment import Assignment, StrokeEvidence, aligned, similar
 from faceposer.sketch.feature_templates import LOOSE, NOSE_BASE, ViewedFeatures, no_feature
 from faceposer.sketch.hand import SAMPLES
 from faceposer.sketch.joint_density import JointDensity
 from faceposer.sketch.outlines import is_closed
-from faceposer.sketch.polyline import evenly, lengths_along
+from faceposer.sketch.polyline import at_lengths, evenly, lengths_along
 from faceposer.sketch.proportions import GROUPS, NEED_NEUTRAL, Frame, GroupMap, by_neutral, by_statistics
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint
 from faceposer.sketch.sketcher import Sketcher
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 _LEFT_OUT = ("jaw line", "cheek line", "nose wing")
 # Number of alignments that are compared by the joint density.
 _COMPARED = 3
+# Width of the line below a mouth, as a share of that of the mouth, up to which it is a shadow.
+_SHADOW = 0.6
 # Fewest features of a face.
 _FEWEST = 2
 # Fewest features whose middles tell the size of a drawing.
@@ -159,21 +161,50 @@ def _recognised(
         name = of_stroke.get(i)
         line = similar(found.lines[i], found.theta)
         group = None if name is None else next(g for g, names in GROUPS.items() if name in names)
-        left_out = group in NEED_NEUTRAL and relative and not drawn_neutral
-        if group in maps:
+        left_out = (group in NEED_NEUTRAL and relative and not drawn_neutral) or (
+            name == "outer lower lip" and _is_shadow(found)
+        )
+        if group is not None and group in maps:
             line = maps[group](line)
         drawn = DrawnStroke(features.pixels(line), features.camera, None if name == NOSE_BASE else name)
         first = second = None
         if name is not None and name in FEATURES and not left_out:
             probability, other = found.probabilities[i]
-            recognition = sketcher.recognise(drawn, pose, (), name)
-            points: tuple[MatchedPoint, ...] = recognition.candidates[0].points if recognition.candidates else ()
+            points: tuple[MatchedPoint, ...] = ()
+            if FEATURES[name].closed:
+                recognition = sketcher.recognise(drawn, pose, (), name)
+                points = recognition.candidates[0].points if recognition.candidates else ()
+            else:
+                points = _from_end_to_end(sketcher, drawn, name)
             if points:
                 first = Candidate(name, probability, points)
                 second = None if other is None else Candidate(other[0], other[1], ())
         only = name == NOSE_BASE or (name is not None and left_out)
         result.append(RecognisedStroke(stroke.name, drawn, first, second, only, found.joined.get(i)))
     return tuple(result)
+
+
+def _is_shadow(found: _Aligned) -> bool:
+    """Return True if the line of the lower lip is but the short shadow below it, as many artists draw it."""
+    lines = found.by_feature()
+    line, mouth = lines["outer lower lip"], lines.get("mouth line")
+    return mouth is not None and float(np.ptp(line[:, 0])) < _SHADOW * float(np.ptp(mouth[:, 0]))
+
+
+def _from_end_to_end(sketcher: Sketcher, stroke: DrawnStroke, name: str) -> tuple[MatchedPoint, ...]:
+    """Return the feature points of an open feature along ``stroke``, which shows all of it."""
+    character = sketcher.model.character
+    points: dict[str, MatchedPoint] = {}
+    for curve in feature_curves(character)[name]:
+        pixels = stroke.camera.project(curve.points.positions(character.vertices, sketcher.model.triangles))
+        line, ends = stroke.pixels, pixels[[0, -1]]
+        if np.linalg.norm(line[[0, -1]] - ends) > np.linalg.norm(line[[-1, 0]] - ends):
+            line = line[::-1]
+        along, lengths = lengths_along(pixels), lengths_along(line)
+        places = at_lengths(line, lengths, along[curve.knots] / along[-1] * lengths[-1])
+        for point, (u, v) in zip(curve.names, places.tolist(), strict=True):
+            points[point] = MatchedPoint(point, (u, v))
+    return tuple(points.values())
 
 
 def _normalisation(strokes: Sequence[SvgStroke]) -> tuple[Array, float]:

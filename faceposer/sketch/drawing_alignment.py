@@ -97,8 +97,8 @@ class StrokeEvidence:
         other = nothing.log_peak - 0.5 * np.einsum("ri,ij,rj->r", places, nothing.precision, places)
         odds = np.array([_RARE.get(name.removeprefix("left ").removeprefix("right "), _ODDS) for name in self.names])
         constant = (-0.5 * np.array(constants) - other[:, None]) / _TEMPERATURE + odds
-        i, j = np.triu_indices(4)
-        quadratic = -0.5 * self.systems[..., i, j] * np.where(i == j, 1.0, 2.0) / _TEMPERATURE
+        a, b = np.triu_indices(4)
+        quadratic = -0.5 * self.systems[..., a, b] * np.where(a == b, 1.0, 2.0) / _TEMPERATURE
         self._coefficients = np.concatenate([quadratic, self.rights / _TEMPERATURE, constant[..., None]], axis=-1)
 
     @staticmethod

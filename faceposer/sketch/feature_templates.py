@@ -55,7 +55,11 @@ class Gaussian:
         """Return the Gaussian with this ``mean`` and ``covariance``."""
         size = len(mean)
         log_determinant = float(np.linalg.slogdet(covariance)[1])
-        return cls(mean, np.linalg.inv(covariance), -0.5 * (log_determinant + size * float(np.log(2.0 * np.pi))))
+        return cls(
+            mean,
+            np.asarray(np.linalg.inv(covariance), dtype=np.float64),
+            -0.5 * (log_determinant + size * float(np.log(2.0 * np.pi))),
+        )
 
 
 class ViewedFeatures:
@@ -145,7 +149,7 @@ def no_feature() -> Gaussian:
     gaps = share[:, None] - share
     smooth = 0.5 * np.exp(-0.5 * (gaps / 0.15) ** 2) + 0.5 * np.exp(-0.5 * (gaps / 0.5) ** 2)
     covariance = _PLACE**2 + _EXTENT**2 * smooth + 16.0 * np.eye(SAMPLES)
-    return Gaussian.of(np.zeros(2 * SAMPLES), np.kron(covariance, np.eye(2)))
+    return Gaussian.of(np.zeros(2 * SAMPLES), np.asarray(np.kron(covariance, np.eye(2)), dtype=np.float64))
 
 
 def samples_of(line: Array, closed: bool) -> Array:

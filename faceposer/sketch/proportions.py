@@ -118,8 +118,7 @@ def by_neutral(features: ViewedFeatures, neutral: Mapping[str, Array]) -> dict[s
 def by_statistics(features: ViewedFeatures, drawn: Mapping[str, Array]) -> dict[str, GroupMap]:
     """Return the maps by group for a drawing without a neutral face.
 
-    Eyes are mapped by their corners, which expressions hardly move, the mouth by its distance from the nose. Of other
-    deviations from the neutral face, the share S^2 / (S^2 + E^2) is taken for proportion: E is the spread of the
+    Eyes are mapped by their corners, which expressions hardly move, the mouth by its height. Of other deviations from the neutral face, the share S^2 / (S^2 + E^2) is taken for proportion: E is the spread of the
     training poses, S that of the deviations of eyes and nose, which are known to be proportions.
 
     Args:
@@ -164,14 +163,9 @@ def by_statistics(features: ViewedFeatures, drawn: Mapping[str, Array]) -> dict[
     if "mouth" in frames:
         own, head = frames["mouth"]
         name = next(name for name in GROUPS["mouth"] if name in drawn)
-        apart, up, wide = spread.of(name)
+        apart, _, wide = spread.of(name)
         scale = float(np.exp(_share(size, wide) * np.log(head.width / own.width)))
-        down = head.y - own.y
-        if "nose" in frames:
-            # A lip nearer to the nose is raised; without a nose, the height of the mouth tells nothing.
-            by_nose = frames["nose"][1].y - frames["nose"][0].y
-            down = by_nose + _share(place, up) * (down - by_nose)
-        shift = _share(place, apart) * (head.x - own.x), down
+        shift = _share(place, apart) * (head.x - own.x), head.y - own.y
         maps["mouth"] = GroupMap((own.x, own.y), (scale, scale), shift)
     return maps
 

@@ -188,7 +188,7 @@ def test_a_drawing_poses_the_face_and_is_reported(tmp_path: Path, capsys: Captur
     code, said, _ = run_captured(capsys, "sketch", "man", DRAWING, "-o", out, "--report", report)
     assert code == 0
     assert "mouth line" in said
-    assert "8 of 14 lines are features" in said
+    assert "7 of 14 lines are features" in said
     data = json.loads(report.read_text())
     assert data["relative"] == "assumed"
     lines = [line["feature"] for line in data["strokes"]]
