@@ -8,18 +8,19 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
-from faceposer.model.feature_curves import FEATURES, feature_curves
+from faceposer.model.feature_curves import FEATURES
 from faceposer.progress import Progress
 from faceposer.sketch.drawing_alignment import Assignment, StrokeEvidence, aligned, similar
 from faceposer.sketch.feature_templates import LOOSE, NOSE_BASE, ViewedFeatures, no_feature
 from faceposer.sketch.hand import SAMPLES
 from faceposer.sketch.joint_density import JointDensity
 from faceposer.sketch.outlines import is_closed
-from faceposer.sketch.polyline import at_lengths, evenly, lengths_along
+from faceposer.sketch.polyline import evenly, lengths_along
 from faceposer.sketch.proportions import GROUPS, NEED_NEUTRAL, Frame, GroupMap, by_neutral, by_statistics
-from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint
+from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.sketch.sketcher import Sketcher
 from faceposer.sketch.svg_file import SvgDrawing, SvgStroke
+from faceposer.sketch.whole_features import matched_whole
 
 Array = NDArray[np.float64]
 
@@ -153,7 +154,6 @@ def _recognised(
     drawn_neutral: bool,
     progress: Progress,
 ) -> tuple[RecognisedStroke, ...]:
-    pose = sketcher.model.neutral()
     of_stroke = {stroke: name for name, stroke in found.features.items()}
     result = []
     for i, stroke in enumerate(strokes):
@@ -170,12 +170,7 @@ def _recognised(
         first = second = None
         if name is not None and name in FEATURES and not left_out:
             probability, other = found.probabilities[i]
-            points: tuple[MatchedPoint, ...] = ()
-            if FEATURES[name].closed:
-                recognition = sketcher.recognise(drawn, pose, (), name)
-                points = recognition.candidates[0].points if recognition.candidates else ()
-            else:
-                points = _from_end_to_end(sketcher, drawn, name)
+            points = matched_whole(sketcher.model, drawn, name)
             if points:
                 first = Candidate(name, probability, points)
                 second = None if other is None else Candidate(other[0], other[1], ())
@@ -189,22 +184,6 @@ def _is_shadow(found: _Aligned) -> bool:
     lines = found.by_feature()
     line, mouth = lines["outer lower lip"], lines.get("mouth line")
     return mouth is not None and float(np.ptp(line[:, 0])) < _SHADOW * float(np.ptp(mouth[:, 0]))
-
-
-def _from_end_to_end(sketcher: Sketcher, stroke: DrawnStroke, name: str) -> tuple[MatchedPoint, ...]:
-    """Return the feature points of an open feature along ``stroke``, which shows all of it."""
-    character = sketcher.model.character
-    points: dict[str, MatchedPoint] = {}
-    for curve in feature_curves(character)[name]:
-        pixels = stroke.camera.project(curve.points.positions(character.vertices, sketcher.model.triangles))
-        line, ends = stroke.pixels, pixels[[0, -1]]
-        if np.linalg.norm(line[[0, -1]] - ends) > np.linalg.norm(line[[-1, 0]] - ends):
-            line = line[::-1]
-        along, lengths = lengths_along(pixels), lengths_along(line)
-        places = at_lengths(line, lengths, along[curve.knots] / along[-1] * lengths[-1])
-        for point, (u, v) in zip(curve.names, places.tolist(), strict=True):
-            points[point] = MatchedPoint(point, (u, v))
-    return tuple(points.values())
 
 
 def _normalisation(strokes: Sequence[SvgStroke]) -> tuple[Array, float]:

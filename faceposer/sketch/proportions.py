@@ -118,8 +118,9 @@ def by_neutral(features: ViewedFeatures, neutral: Mapping[str, Array]) -> dict[s
 def by_statistics(features: ViewedFeatures, drawn: Mapping[str, Array]) -> dict[str, GroupMap]:
     """Return the maps by group for a drawing without a neutral face.
 
-    Eyes are mapped by their corners, which expressions hardly move, the mouth by its height. Of other deviations from the neutral face, the share S^2 / (S^2 + E^2) is taken for proportion: E is the spread of the
-    training poses, S that of the deviations of eyes and nose, which are known to be proportions.
+    Eyes are mapped by their corners, which expressions hardly move, the mouth by its height. Of other deviations from
+    the neutral face, the share S^2 / (S^2 + E^2) is taken for proportion: E is the spread of the training poses, S that
+    of the deviations of eyes and nose, which are known to be proportions.
 
     Args:
         features: The features of the character in the view.

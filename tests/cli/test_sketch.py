@@ -194,7 +194,7 @@ def test_a_drawing_poses_the_face_and_is_reported(tmp_path: Path, capsys: Captur
     lines = [line["feature"] for line in data["strokes"]]
     assert len(lines) == 14
     assert {"left brow", "right brow", "mouth line"} <= set(lines)
-    document = read_document(out, None)
+    document = read_document(out)
     kinds = {c.feature for c in document.constraints if isinstance(c, SketchConstraint)}
     assert kinds == set(lines) - {None}
 
@@ -203,7 +203,7 @@ def test_a_drawing_relative_to_itself_is_neutral(man: FaceModel, tmp_path: Path,
     out = tmp_path / "out.json"
     code, _, _ = run_captured(capsys, "sketch", "man", DRAWING, "-o", out, "--relative", DRAWING)
     assert code == 0
-    for sketch in read_document(out, None).constraints:
+    for sketch in read_document(out).constraints:
         assert isinstance(sketch, SketchConstraint)
         if "brow" in sketch.feature:
             mean = np.mean(sketch.stroke, axis=0)

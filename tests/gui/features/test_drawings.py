@@ -22,7 +22,7 @@ def robot(open_window: OpenWindow) -> Robot:
 def drop(robot: Robot, path: Path) -> None:
     robot.app.window.play_event(Drop((str(path),)))
     robot.frames(2)
-    robot.app.context.feature(DrawingsFeature).join()
+    robot.app.feature(DrawingsFeature).join()
     robot.frames(3)
 
 
@@ -31,7 +31,7 @@ def test_a_dropped_drawing_is_one_step(robot: Robot) -> None:
     vertex = app.session.model.character.feature_points["8.3"]
     before = float(app.scene.vertices[vertex, 1])
     drop(robot, DRAWINGS / "sadness.svg")
-    robot.settle()
+    robot.frames(5)
     features = {c.feature for c in app.session.document.constraints}  # type: ignore[union-attr]
     assert {"left brow", "right brow", "mouth line"} <= features
     assert float(app.scene.vertices[vertex, 1]) < before - 0.1, "corners of the mouth go down"
