@@ -10,7 +10,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.feature_curves import FEATURES
 from faceposer.progress import Progress
-from faceposer.sketch.drawing_alignment import Assignment, StrokeEvidence, aligned, similar
+from faceposer.sketch.drawing_alignment import Assignment, StrokeEvidence, aligned, assigned, similar
 from faceposer.sketch.feature_templates import LOOSE, NOSE_BASE, ViewedFeatures, no_feature
 from faceposer.sketch.hand import SAMPLES
 from faceposer.sketch.joint_density import JointDensity
@@ -27,7 +27,9 @@ Array = NDArray[np.float64]
 # Features by which drawings are aligned; the others are too much like hair, ears and wrinkles.
 _LEFT_OUT = ("jaw line", "cheek line", "nose wing")
 # Number of alignments that are compared by the joint density.
-_COMPARED = 3
+_COMPARED = 2
+# Sizes from which the search for the best assignment starts again, relative to that of its first result.
+_SIZES = (0.6, 0.75, 1.0, 1.3)
 # Width of the line below a mouth, as a share of that of the mouth, up to which it is a shadow.
 _SHADOW = 0.6
 # Fewest features of a face.
@@ -223,6 +225,14 @@ class _Aligner:
             refined, assignment = self._joint.best(evidence, start, found)
             if best is None or assignment.score > best[1].score:
                 best = refined, assignment
+            # Exchanges alone do not lead from one size to another.
+            settled = _settled(refined, lines, assignment.features, self._features.neutral)
+            for factor in _SIZES:
+                again = settled * (factor, factor, 1.0, 1.0)
+                other = assigned(evidence.by_stroke(again), evidence.names)
+                refined, assignment = self._joint.best(evidence, again, other)
+                if assignment.score > best[1].score:
+                    best = refined, assignment
         if best is None or len(best[1].features) < _FEWEST:
             raise FacePoserError(
                 f"No face was found in the {noun}: brows, eyes and a mouth, upright, must be lines of their own."

@@ -27,6 +27,8 @@ _SMALLEST, _LARGEST = 300.0, 6000.0
 # Numbers of strokes from which similarities are proposed, of proposals refined, and of rounds of refinement.
 _PROPOSING, _REFINED, _ROUNDS = 60, 40, 12
 _CHUNK = 256
+# Least and greatest width of a stroke as a share of that of its feature.
+_NARROWEST, _WIDEST = 0.28, 3.0
 # Rounds of the fixed-point iteration for the scale.
 _GROWTHS = 5
 #: Number of independent coordinates of a stroke; those of its samples are not, because strokes are smooth.
@@ -86,6 +88,7 @@ class StrokeEvidence:
         self.samples = np.stack(rows)
         moves = np.stack([stroke_moves(samples) for samples in rows])
         self.dimensions = DIMENSIONS
+        self._widths = np.array([np.ptp(gaussian.mean.reshape(-1, 2)[:, 0]) for gaussian in density.values()])
         systems, rights, constants = [], [], []
         for gaussian in density.values():
             pulled = gaussian.precision @ moves
@@ -116,8 +119,14 @@ class StrokeEvidence:
         return ratios
 
     def by_stroke(self, theta: Array) -> Array:
-        """Return the log ratios of strokes and features under ``theta``, the best order of each stroke."""
+        """Return the log ratios of strokes and features under ``theta``, the best order of each stroke.
+
+        They are -inf for strokes that are far too narrow or wide, such as wrinkles beside the mouth for a lip.
+        """
         ratios = self.ratios(theta[None])[0]
+        turned = self.samples[..., 0] * theta[0] - self.samples[..., 1] * theta[1]
+        shares = np.ptp(turned, axis=1)[:, None] / self._widths
+        ratios[(shares < _NARROWEST) | (shares > _WIDEST)] = -np.inf
         found = np.full((self.count, len(self.names)), -np.inf)
         np.maximum.at(found, self.stroke, ratios)
         return found

@@ -45,7 +45,7 @@ _STRONGER = 1.3
 _APART, _UP, _SIZE = 24.0, 32.0, 0.25
 _GROUPS = ("brow", "lid eye", "nose", "lip mouth", "cheek", "jaw")
 # Log ratio of a feature by itself below which it is not considered.
-_HOPELESS = -20.0
+_HOPELESS = -60.0
 # Log-evidence temperature, numbers of exchanges, of features tried for each stroke, and of exchanges tried with a new
 # similarity.
 _TEMPERATURE, _MOST_STEPS, _TRIED, _REFITTED = 2.0, 12, 5, 40
