@@ -149,7 +149,7 @@ EYES_AS_LIDS = {"left brow", "right brow", "left upper lid", "right upper lid", 
         ("sadness", EYES_AS_LIDS | {"mouth line"}),
         ("anger", EYES_AS_LIDS | {"mouth outline", "mouth line"}),
         ("surprise", {"left brow", "right brow", "left eye outline", "right eye outline", "mouth outline"}),
-        ("disgust", EYES_AS_LIDS | {"mouth outline", "mouth line"}),
+        ("disgust", EYES_AS_LIDS | {"mouth outline"}),
         ("smirk", EYES_AS_LIDS | {"mouth line"}),
     ],
 )
