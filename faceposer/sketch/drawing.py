@@ -229,8 +229,8 @@ class _Aligner:
             settled = _settled(refined, lines, assignment.features, self._features.neutral)
             for factor in _SIZES:
                 again = settled * (factor, factor, 1.0, 1.0)
-                other = assigned(evidence.by_stroke(again), evidence.names)
-                refined, assignment = self._joint.best(evidence, again, other)
+                nearest = assigned(evidence.by_stroke(again), evidence.names)
+                refined, assignment = self._joint.best(evidence, again, nearest)
                 if assignment.score > best[1].score:
                     best = refined, assignment
         if best is None or len(best[1].features) < _FEWEST:
