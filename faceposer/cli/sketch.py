@@ -9,7 +9,6 @@ from faceposer.cli.arguments import add_spread
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_not_input, check_output
-from faceposer.files.writing import write_json
 
 NAME = "sketch"
 # Size of the view into which drawings are aligned, in pixels.
@@ -68,6 +67,7 @@ def run(options: argparse.Namespace) -> int:
     if is_drawing:
         return _run_drawing(options)
     from faceposer.cli.opening import open_with_remark
+    from faceposer.files.writing import write_json
     from faceposer.session.report import sketch_report
     from faceposer.session.sketch_strokes import add_strokes
     from faceposer.sketch.strokes_file import read_strokes
@@ -102,6 +102,7 @@ def run(options: argparse.Namespace) -> int:
 def _run_drawing(options: argparse.Namespace) -> int:
     """Pose the face by a drawing."""
     from faceposer.cli.opening import open_with_remark
+    from faceposer.files.writing import write_json
     from faceposer.model.framing import face_view
     from faceposer.session.drawings import Relative, add_sketches, drawing_report, read_drawing
     from faceposer.solve.camera_io import read_camera
@@ -128,7 +129,7 @@ def _run_drawing(options: argparse.Namespace) -> int:
     seconds = time.perf_counter() - began
     session.save(options.output, camera)
     if options.report is not None:
-        write_text(options.report, json.dumps(drawing_report(found, seconds), indent=1) + "\n", "report")
+        write_json(options.report, drawing_report(found, seconds), "report")
     for i, stroke in enumerate(found.strokes):
         print(printable(f"line {i}{f' ({stroke.name})' if stroke.name else ''}: {_line_described(stroke)}"))
     for remark in found.remarks:
