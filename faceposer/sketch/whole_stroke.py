@@ -82,8 +82,8 @@ _HOPELESS, _NO_FINALIST = 40.0, 60.0
 # Share of a feature's length in the image below which a stroke is hardly a drawing of it, and its softness; the same of
 # the excess of a stroke's length over that of its samples, and of what smoothing removes, in units of the hand.
 _PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
-# Number of matched points by which a feature is recognised.
-_LEAST_MATCHED = 2
+# Number of matched points by which a feature is recognised, and the share of its length that replaces the second one.
+_LEAST_MATCHED, _LEAST_COVERED = 2, 0.38
 # Candidates below this probability are omitted, and those after the first three.
 _LEAST, _MOST_CANDIDATES = 1e-3, 3
 
@@ -233,7 +233,7 @@ class WholeStrokeRecogniser:
         names = [part.tracks[index].feature for part, index in found]
         totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
         logs = totals / tuning.temperature
-        length = float(lengths_along(samples)[-1])
+        length, covered = float(lengths_along(samples)[-1]), np.ones(len(found))
         winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
         untidy = _beyond(winding, *_WINDING) + _beyond(trembling, *_TREMBLING)
         for i, (part, index) in enumerate(found):
@@ -247,8 +247,8 @@ class WholeStrokeRecogniser:
                 logs[i] += np.log(tuning.early["lid" in names[i]])
             if feature is None:
                 line = part.curves.pixels[names[i]]
-                covered = length / max(float(lengths_along(line)[-1]), 1e-9)
-                logs[i] -= _beyond(-covered, -_PIECE[0], _PIECE[1]) + untidy
+                covered[i] = length / max(float(lengths_along(line)[-1]), 1e-9)
+                logs[i] -= _beyond(-covered[i], -_PIECE[0], _PIECE[1]) + untidy
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
@@ -274,8 +274,8 @@ class WholeStrokeRecogniser:
         )
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
-        if feature is None and accepted and len(candidates[0].points) < _LEAST_MATCHED:
-            accepted = False
+        if accepted and len(candidates[0].points) < _LEAST_MATCHED:
+            accepted = bool(covered[order[0]] >= _LEAST_COVERED and candidates[0].points)
         return Recognition(candidates, accepted)
 
 
