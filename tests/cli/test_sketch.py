@@ -198,7 +198,7 @@ def test_a_report_does_not_overwrite_the_session(
 def test_named_strokes_that_cannot_be_placed_say_why(
     man: FaceModel, camera: Camera, tmp_path: Path, capsys: Capture
 ) -> None:
-    far = (drawn(man, "left brow", man.neutral(), camera) + 1e5).tolist()
+    far = [[u + 1e5, v] for u, v in drawn(man, "left brow", man.neutral(), camera)]
     path = written(tmp_path / "far.json", camera, [{"pixels": far, "feature": "outer upper lip"}])
     out, report = tmp_path / "out.json", tmp_path / "r.json"
     status, said, _ = run_captured(capsys, "sketch", "man", path, "-o", out, "--report", report)
@@ -214,7 +214,7 @@ def test_sessions_without_room_are_refused_before_the_work(
     lines = [{"pixels": [[u, 300], [u + 50, 290]], "feature": None} for u in range(200, 203)]
     path = written(tmp_path / "three.json", camera, lines)
     line = drawn(man, "left brow", man.neutral(), camera)
-    sketch = SketchConstraint(as_pixels(line), camera, "left brow", (("4.1", tuple(line[0].tolist())),))
+    sketch = SketchConstraint(as_pixels(line), camera, "left brow", (("4.1", (line[0][0], line[0][1])),))
     document = Document("man", (sketch,) * 198, coefficients=man.neutral())
     full = tmp_path / "full.json"
     write_document(full, document)
