@@ -131,7 +131,7 @@ def test_the_sketcher_learns_from_the_library(man: FaceModel, creature: FaceMode
 
 
 def test_the_plain_prior_starts_from_the_face_of_the_paper(man: FaceModel, paper: PaperStub) -> None:
-    document = Document("man", (brow(man, 12.0),), sketch_method="paper", prior="plain")
+    document = Document("man", (brow(man, 12.0),), sketch_method="paper", prior="plain").resolved(man)
     assert prior_of(document) == "regions"
     assert prior_of(replace(document, sketch_method="map")) == "plain"
     start = man.coefficients_of({"browInnerUp": 0.3})
