@@ -442,7 +442,8 @@ def test_what_was_assumed_of_an_animation_is_a_warning(tmp_path: Path) -> None:
 def test_a_key_holds_the_solved_pose() -> None:
     keyed, solved = faceposer.load("man"), faceposer.load("man")
     for face in (keyed, solved):
-        face.drag("left mouth corner", by=(0.4, 0.3, 0.0))
+        u, v = face.pixel("left mouth corner")
+        face.drag("left mouth corner", to=(u + 30, v - 30))
     solved.solve()
     keyed.set_key(0)
     assert keyed.performance is not None
