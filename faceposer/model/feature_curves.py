@@ -260,5 +260,8 @@ def _even(line: Array, spacing: float) -> tuple[Array, Array]:
     steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     share = np.linspace(0.0, 1.0, max(4, round(along[-1] / spacing) + 1))
+    if not along[-1] > 0.0:
+        # Feature points may coincide.
+        return np.repeat(line[:1], len(share), axis=0), share
     places = np.stack([np.interp(share * along[-1], along, axis) for axis in line.T], axis=1)
     return places, share

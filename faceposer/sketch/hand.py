@@ -4,7 +4,7 @@ Lengths are in units of the hand: the 720th part of the face's size in the image
 high that frames the face. Errors are thus in proportion to the face, whatever the size of the image.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,8 +14,6 @@ Array = NDArray[np.float64]
 
 #: Number of points, evenly spaced along a stroke, by which it is compared with features.
 SAMPLES = 16
-#: Length of the shortest stroke that can depict a feature, in units of the hand.
-SHORTEST = 12.0
 
 
 @dataclass(frozen=True)
@@ -88,30 +86,49 @@ class HandModel:
 
 @dataclass(frozen=True)
 class ScribbleModel:
-    """Density of strokes that depict no feature: smooth random curves anywhere on the face.
+    """Density of strokes that depict no feature: random curves and ticks of any length anywhere on the face.
+
+    A mixture of Gaussians: curves that wind, and simple strokes, straight or in one bow, of several lengths. Without
+    the short ones, a tick would be far more like the shortest possible feature than like a scribble.
 
     Attributes:
         place: Standard deviation of the middle of such a stroke about the middle of the face, in units of the hand.
-        extent: Standard deviation of its points about its middle.
+        extent: Standard deviation of the points of a curve about its middle.
         smoothness: Correlation lengths of its points, as shares of the stroke, each for a part of the extent.
+        winding: Share of curves.
+        simple: Sizes of simple strokes, about their length times their smoothness.
+        simplicity: Correlation length of their points.
+        hand: Errors of the hand, which simple strokes have in common with features.
     """
 
     place: float = 200.0
     extent: float = 90.0
     smoothness: tuple[float, ...] = (0.1, 0.5)
+    winding: float = 0.4
+    simple: tuple[float, ...] = (15.0, 40.0, 100.0, 250.0)
+    simplicity: float = 1.2
+    hand: HandModel = field(default_factory=HandModel)
 
     @cached_property
-    def _whitener(self) -> Array:
-        covariance = self.place**2 + sum(
-            self.extent**2 / len(self.smoothness) * _smooth(length) for length in self.smoothness
+    def _parts(self) -> tuple[tuple[float, Array], ...]:
+        """Log weight and whitener, (SAMPLES, SAMPLES), of each Gaussian."""
+        curves = sum(self.extent**2 / len(self.smoothness) * _smooth(length) for length in self.smoothness)
+        found = [(self.winding, curves + 4.0 * np.eye(SAMPLES))]
+        rest = (1.0 - self.winding) / len(self.simple)
+        found += [(rest, size**2 * _smooth(self.simplicity) + self.hand.covariance) for size in self.simple]
+        return tuple(
+            (float(np.log(weight)), np.asarray(np.linalg.inv(np.linalg.cholesky(self.place**2 + covariance))))
+            for weight, covariance in found
         )
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + 4.0 * np.eye(SAMPLES))))
 
     def log_density(self, samples: Array) -> float:
         """Return the log density of ``samples`` about the middle of the face, shape (SAMPLES, 2)."""
-        white = self._whitener @ samples
-        peak = 2.0 * float(np.log(np.diagonal(self._whitener)).sum()) - SAMPLES * float(np.log(2.0 * np.pi))
-        return peak - 0.5 * float((white * white).sum())
+        logs = []
+        for log_weight, whitener in self._parts:
+            white = whitener @ samples
+            peak = 2.0 * float(np.log(np.diagonal(whitener)).sum()) - SAMPLES * float(np.log(2.0 * np.pi))
+            logs.append(log_weight + peak - 0.5 * float((white * white).sum()))
+        return float(np.logaddexp.reduce(logs))
 
 
 def _smooth(length: float) -> Array:

@@ -97,4 +97,5 @@ def sampled(pixels: Array, closed: bool, intervals: Intervals) -> tuple[NDArray[
         before[wanted < 0.0], after[wanted < 0.0] = 0, inner
         over = wanted > along[-1]
         before[over], after[over] = outer, count - 1
-    return before, after, (wanted - along[before]) / (along[after] - along[before])
+    # A line may have no length in the image, or one too small against its place.
+    return before, after, (wanted - along[before]) / np.maximum(along[after] - along[before], 1e-12)

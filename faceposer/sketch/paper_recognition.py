@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.point_mixture import DEPTH_ERROR, PointMixture, Rays
+from faceposer.sketch.plausibility import objection
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 from faceposer.sketch.visible_surface import VisibleSurface
@@ -79,6 +80,7 @@ class PaperRecogniser:
         points = training.points[:, [training.index[name] for name in names]]
         self.mixture = PointMixture.fit(points, names, _POINT_ERROR * height, em_rounds)
         self._surface = VisibleSurface(model, training)
+        self._character = model.character
         self._depth_error = DEPTH_ERROR * height
         self._log_background = -float(np.log(_FACE_AREA * height**2))
         self._chains = tuple(_chain(feature, names) for feature in training.features)
@@ -91,8 +93,9 @@ class PaperRecogniser:
 
         The paper looks at one stroke at a time; of ``others`` nothing is used.
         """
-        if not self._chains:
-            return Recognition((), False)
+        reason = objection(stroke, self._character, feature is not None)
+        if not self._chains or reason:
+            return Recognition((), False, reason)
         pixels = resampled(stroke.pixels, _SAMPLES)
         rays = Rays.through(stroke.camera, pixels)
         surface = self._surface.under(stroke.camera, pixels, pose)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.geometry.strokes import smoothed
+from faceposer.geometry.strokes import resampled, smoothed
 from faceposer.sketch.recognition import DrawnStroke
 
 Array = NDArray[np.float64]
@@ -42,6 +42,28 @@ def evenly(points: Array, count: int) -> Array:
     """Return ``count`` points evenly spaced along the polyline ``points``, shape (count, d)."""
     along = lengths_along(points)
     return at_lengths(points, along, np.linspace(0.0, along[-1], count))
+
+
+def untidiness(stroke: DrawnStroke, unit: float, samples: Array) -> tuple[float, float]:
+    """Return by how much ``stroke`` is more than its ``samples`` show: 0 for a stroke along a smooth curve.
+
+    Args:
+        stroke: The stroke.
+        unit: The unit of the hand in its pixels.
+        samples: Even samples of its line, (n, 2).
+
+    Returns:
+        The logarithm of the length of its line as a multiple of that through the samples, and the root mean square of
+        the offsets, across and along, that smoothing removes, in units of the hand.
+    """
+    points = (cleaned(stroke.pixels) - stroke.camera.principal_point) / unit
+    length = float(lengths_along(points)[-1])
+    step = max(_STEP, length / _MOST_POINTS)
+    raw, line = resampled(points, step), smoothed(points, step=step, reach=_TREMOR)
+    count = min(len(raw), len(line))
+    offsets = float(np.sqrt(((raw[:count] - line[:count]) ** 2).sum(axis=1).mean()))
+    lengths = float(lengths_along(line)[-1]), float(lengths_along(samples)[-1])
+    return float(np.log(max(lengths[0], 1e-9) / max(lengths[1], 1e-9))), offsets
 
 
 def stroke_line(stroke: DrawnStroke, unit: float) -> Array:

@@ -64,10 +64,12 @@ class Recognition:
     Attributes:
         candidates: Candidates by decreasing probability.
         accepted: True if the best candidate is more probable than a stroke that depicts no feature.
+        reason: Why the stroke cannot depict a feature at all, for a sentence; empty if that is not known.
     """
 
     candidates: tuple[Candidate, ...]
     accepted: bool
+    reason: str = ""
 
     @property
     def best(self) -> Candidate | None:

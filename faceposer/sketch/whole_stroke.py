@@ -19,11 +19,12 @@ from faceposer.sketch.curve_density import (
     visibility,
 )
 from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
-from faceposer.sketch.hand import SAMPLES, SHORTEST, HandModel, ScribbleModel
+from faceposer.sketch.hand import SAMPLES, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
 from faceposer.sketch.placing import placed_points
-from faceposer.sketch.polyline import evenly, lengths_along, stroke_line
+from faceposer.sketch.plausibility import objection
+from faceposer.sketch.polyline import evenly, lengths_along, stroke_line, untidiness
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 
@@ -78,6 +79,11 @@ _MOST_SEQUENCES = 32
 # Log evidence behind that of the likeliest feature at which a feature is given up, before and after its curve is
 # linearised at the most probable pose.
 _HOPELESS, _NO_FINALIST = 40.0, 60.0
+# Share of a feature's length in the image below which a stroke is hardly a drawing of it, and its softness; the same of
+# the excess of a stroke's length over that of its samples, and of what smoothing removes, in units of the hand.
+_PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
+# Number of matched points by which a feature is recognised.
+_LEAST_MATCHED = 2
 # Candidates below this probability are omitted, and those after the first three.
 _LEAST, _MOST_CANDIDATES = 1e-3, 3
 
@@ -97,6 +103,7 @@ class WholeStrokeRecogniser:
             tuning: Constants.
         """
         self.tuning = tuning or Tuning()
+        self._character = model.character
         self._rows = FeatureRows.of(model)
         self._poses = PoseMixture.of(np.asarray(coefficients, dtype=np.float64), self._rows, self.tuning.spread)
         self._sequences: OrderedDict[tuple[object, ...], PoseMixture] = OrderedDict()
@@ -111,10 +118,12 @@ class WholeStrokeRecogniser:
         self, stroke: DrawnStroke, pose: Array, others: Sequence[DrawnStroke] = (), feature: str | None = None
     ) -> Recognition:
         """Return the recognition of ``stroke``; see ``Recogniser``."""
-        samples = self._samples(stroke)
+        if reason := objection(stroke, self._character, feature is not None):
+            return Recognition((), False, reason)
         names = list(self._rows.tracks) if feature is None else [feature]
         names = [name for name in names if name in self._rows.tracks]
-        if samples is None or not names:
+        samples = self._samples(stroke)
+        if not names or samples is None:
             return Recognition((), False)
         camera = stroke.camera
         if feature is None:
@@ -155,10 +164,10 @@ class WholeStrokeRecogniser:
 
     def _samples(self, stroke: DrawnStroke) -> Array | None:
         """Return the samples of ``stroke`` in units of the hand about the principal point, (SAMPLES, 2), or None."""
-        line = stroke_line(stroke, hand_unit(self._rows, stroke.camera))
-        if len(line) < 2 or lengths_along(line)[-1] < SHORTEST or np.hypot(*np.ptp(line, axis=0)) < SHORTEST:
+        if objection(stroke, self._character, named=True):
             return None
-        return evenly(line, SAMPLES)
+        line = stroke_line(stroke, hand_unit(self._rows, stroke.camera))
+        return evenly(line, SAMPLES) if len(line) > 1 else None
 
     def _within_reach(self, names: list[str], samples: Array, pose: Array, camera: Camera) -> list[str]:
         """Return those of ``names`` whose lines, in the present pose, are near the stroke."""
@@ -224,6 +233,9 @@ class WholeStrokeRecogniser:
         names = [part.tracks[index].feature for part, index in found]
         totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
         logs = totals / tuning.temperature
+        length = float(lengths_along(samples)[-1])
+        winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
+        untidy = _beyond(winding, *_WINDING) + _beyond(trembling, *_TREMBLING)
         for i, (part, index) in enumerate(found):
             if totals[i] < totals.max() - _HOPELESS:
                 continue
@@ -233,6 +245,10 @@ class WholeStrokeRecogniser:
                 logs[i] += np.log(tuning.line)
             if names[i] in AFTER and not drawn & AFTER[names[i]]:
                 logs[i] += np.log(tuning.early["lid" in names[i]])
+            if feature is None:
+                line = part.curves.pixels[names[i]]
+                covered = length / max(float(lengths_along(line)[-1]), 1e-9)
+                logs[i] -= _beyond(-covered, -_PIECE[0], _PIECE[1]) + untidy
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
@@ -258,4 +274,11 @@ class WholeStrokeRecogniser:
         )
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
+        if feature is None and accepted and len(candidates[0].points) < _LEAST_MATCHED:
+            accepted = False
         return Recognition(candidates, accepted)
+
+
+def _beyond(value: float, limit: float, softness: float) -> float:
+    """Return the loss of log evidence of a ``value`` above its ``limit``."""
+    return 0.5 * (max(value - limit, 0.0) / softness) ** 2

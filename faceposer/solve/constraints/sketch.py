@@ -14,6 +14,7 @@ from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera, mirrored_pixels
 from faceposer.geometry.picking import SurfacePoints
+from faceposer.model.face_in_view import FaceInView
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS, Feature, FeatureCurve, feature_curves
 from faceposer.solve.constraints import codec
@@ -155,8 +156,10 @@ class SketchConstraint(ConstraintBase):
         """Return the constraint with its points on the character of ``model``, which do not depend on the pose ``p``.
 
         Raises:
-            ValueError: If the stroke has no length, or the character lacks the feature.
+            ValueError: If the stroke has no length or is far from the face in its camera, the camera does not have the
+                face in front of it, or the character lacks the feature.
         """
+        FaceInView.of(model.character, self.camera).check_near(self.stroke)
         return replace(self, traced=_traced(self, model))
 
     def residual_px(self, model: FaceModel, p: ArrayLike) -> float:

@@ -61,7 +61,11 @@ def cleaned(stroke: Array, closed: bool) -> Array:
         if len(line) > 2:
             return np.concatenate([line, line[:1]])
     line = smoothed(stroke, step=step)
-    return line if len(line) > 1 else resampled(stroke[[0, -1]], step)
+    line = line if len(line) > 1 else resampled(stroke[[0, -1]], step)
+    if len(line) < 2:
+        # It goes back and forth on one spot.
+        raise ValueError("its stroke has no length")
+    return line
 
 
 def correspondence(
