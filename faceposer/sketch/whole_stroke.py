@@ -1,7 +1,7 @@
 """Recognition by the evidence of the whole stroke, from the present pose (docs/sketching.md)."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
@@ -19,6 +19,7 @@ from faceposer.sketch.curve_density import (
     visibility,
 )
 from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
+from faceposer.sketch.habits import family_of, log_habits
 from faceposer.sketch.hand import SAMPLES, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
@@ -130,7 +131,10 @@ class WholeStrokeRecogniser:
             names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
         drawn = {other.feature for other in others if other.feature is not None}
         found = self._found(names, drawn, samples, np.asarray(pose, dtype=np.float64), others, camera)
-        return self._decided(stroke, samples, found, drawn, feature)
+        habits = log_habits(
+            self._rows, np.asarray(pose, dtype=np.float64), camera, hand_unit(self._rows, camera), samples, drawn
+        )
+        return self._decided(stroke, samples, found, drawn, habits, feature)
 
     def _found(
         self,
@@ -225,6 +229,7 @@ class WholeStrokeRecogniser:
         samples: Array,
         found: Sequence[tuple[Evidence, int]],
         drawn: set[str],
+        habits: Mapping[str, float],
         feature: str | None,
     ) -> Recognition:
         """Return the posterior over features and strokes that depict none."""
@@ -245,6 +250,7 @@ class WholeStrokeRecogniser:
                 logs[i] += np.log(tuning.line)
             if names[i] in AFTER and not drawn & AFTER[names[i]]:
                 logs[i] += np.log(tuning.early["lid" in names[i]])
+            logs[i] += habits.get(names[i], 0.0)
             if feature is None:
                 line = part.curves.pixels[names[i]]
                 covered = length / max(float(lengths_along(line)[-1]), 1e-9)
