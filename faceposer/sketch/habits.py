@@ -6,7 +6,8 @@ far, but draw its middle about where they see the line. The place of a stroke's 
 thus decides between them.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ FAMILIES = (
 # Log prior of the line of a closed mouth over others where the middle of a stroke lies on it, and of inner lips.
 _LINE, _INNER = 12.0, -2.0
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
-_LOWER_LID = 1.0
+_LOWER_LID = 2.0
 # Share of the way from the line of the mouth to the edge of a lip up to which a stroke is on the line, and from which
 # it is not; least height of a lip, in units of the hand.
 _ON, _OFF, _LEAST_LIP = 0.45, 0.65, 14.0
@@ -38,10 +39,23 @@ def family_of(feature: str) -> tuple[str, ...]:
     return next((family for family in FAMILIES if feature in family), (feature,))
 
 
-def log_habits(
+@dataclass(frozen=True)
+class Habits:
+    """What the place of a stroke on the present face tells.
+
+    Attributes:
+        log_priors: Log prior of features, 0 for those not named.
+        on_line: 1 if the stroke lies on the line of the closed mouth, 0 if not, and between.
+    """
+
+    log_priors: Mapping[str, float]
+    on_line: float
+
+
+def habits_of(
     rows: FeatureRows, pose: Array, camera: Camera, unit: float, samples: Array, drawn: Collection[str]
-) -> dict[str, float]:
-    """Return the log prior of features for a stroke by its place on the present face; 0 for those not named.
+) -> Habits:
+    """Return what the place of a stroke on the present face tells.
 
     Args:
         rows: The lines of the character.
@@ -52,6 +66,7 @@ def log_habits(
         drawn: Features that have been drawn before.
     """
     found: dict[str, float] = {}
+    on_line = 0.0
 
     def line(name: str) -> Array:
         run = rows.tracks[name].rows
@@ -60,9 +75,9 @@ def log_habits(
 
     mouth = ("mouth line", "outer lower lip", "outer upper lip")
     if all(name in rows.tracks for name in mouth) and _gap(rows, pose, "mouth") < OPEN:
-        on = _on_line(samples, *(line(name) for name in mouth))
         if not {"mouth line", "inner upper lip", "inner lower lip"} & set(drawn):
-            found["mouth line"] = _LINE * on
+            on_line = _on_line(samples, *(line(name) for name in mouth))
+            found["mouth line"] = _LINE * on_line
             found["inner upper lip"] = found["inner lower lip"] = _INNER
     for side in ("left", "right"):
         lids = f"{side} upper lid", f"{side} lower lid"
@@ -70,7 +85,7 @@ def log_habits(
             upper, lower = (_across(samples, line(name), line(lids[1])) for name in lids)
             if len(upper) and np.abs(lower).mean() < np.abs(upper).mean():
                 found[lids[1]] = _LOWER_LID
-    return found
+    return Habits(found, on_line)
 
 
 def _gap(rows: FeatureRows, pose: Array, name: str) -> float:

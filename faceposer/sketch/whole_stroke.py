@@ -1,7 +1,7 @@
 """Recognition by the evidence of the whole stroke, from the present pose (docs/sketching.md)."""
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
@@ -19,7 +19,7 @@ from faceposer.sketch.curve_density import (
     visibility,
 )
 from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
-from faceposer.sketch.habits import family_of, log_habits
+from faceposer.sketch.habits import Habits, family_of, habits_of
 from faceposer.sketch.hand import SAMPLES, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
@@ -85,8 +85,8 @@ _HOPELESS, _NO_FINALIST = 40.0, 60.0
 _PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
 # Number of matched points by which a feature is recognised.
 _LEAST_MATCHED = 2
-# Candidates below this probability are omitted, and those after the first three.
-_LEAST, _MOST_CANDIDATES = 1e-3, 3
+# Candidates below this probability are omitted unless they lie close to the likeliest, and those after the first four.
+_LEAST, _MOST_CANDIDATES = 0.01, 4
 
 
 class WholeStrokeRecogniser:
@@ -131,7 +131,7 @@ class WholeStrokeRecogniser:
             names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
         drawn = {other.feature for other in others if other.feature is not None}
         found = self._found(names, drawn, samples, np.asarray(pose, dtype=np.float64), others, camera)
-        habits = log_habits(
+        habits = habits_of(
             self._rows, np.asarray(pose, dtype=np.float64), camera, hand_unit(self._rows, camera), samples, drawn
         )
         return self._decided(stroke, samples, found, drawn, habits, feature)
@@ -229,7 +229,7 @@ class WholeStrokeRecogniser:
         samples: Array,
         found: Sequence[tuple[Evidence, int]],
         drawn: set[str],
-        habits: Mapping[str, float],
+        habits: Habits,
         feature: str | None,
     ) -> Recognition:
         """Return the posterior over features and strokes that depict none."""
@@ -244,13 +244,15 @@ class WholeStrokeRecogniser:
         for i, (part, index) in enumerate(found):
             if totals[i] < totals.max() - _HOPELESS:
                 continue
-            logs[i] += log_openness(self._rows, part, index) / tuning.temperature
+            # A line drawn where the mouth is closed is of a closed mouth, whatever pose is nearest to its ends.
+            apart = 1.0 - habits.on_line if names[i] == "mouth line" else 1.0
+            logs[i] += apart * log_openness(self._rows, part, index) / tuning.temperature
             logs[i] += np.log(max(seen[names[i]], tuning.unseen))
             if names[i] == "mouth line":
                 logs[i] += np.log(tuning.line)
             if names[i] in AFTER and not drawn & AFTER[names[i]]:
                 logs[i] += np.log(tuning.early["lid" in names[i]])
-            logs[i] += habits.get(names[i], 0.0)
+            logs[i] += habits.log_priors.get(names[i], 0.0)
             if feature is None:
                 line = part.curves.pixels[names[i]]
                 covered = length / max(float(lengths_along(line)[-1]), 1e-9)
@@ -269,7 +271,9 @@ class WholeStrokeRecogniser:
         shares = np.exp(logs - top)
         nothing = float(np.exp(scribble - top))
         probabilities = shares / (shares.sum() + nothing)
-        order = [i for i in np.argsort(-probabilities) if probabilities[i] >= _LEAST]
+        ranked = np.argsort(-logs)
+        near = {near for i in ranked[:1] for near in family_of(names[i])}
+        order = [i for i in ranked if probabilities[i] >= _LEAST or names[i] in near]
         candidates = tuple(
             Candidate(
                 names[i],
