@@ -79,6 +79,11 @@ def is_shown(char: str) -> bool:
     return char.isprintable() or unicodedata.category(char) == "Zs"
 
 
+def article(noun: str) -> str:
+    """Return the indefinite article of ``noun``."""
+    return "an" if noun[:1] in "aeiou" else "a"
+
+
 def counted(count: int, one: str, many: str = "") -> str:
     """Return ``count`` with the noun for it, such as "1 vertex".
 

@@ -53,8 +53,15 @@ class MotionMixin:
         return self.session.animation.performance
 
     def set_key(self, frame: int) -> None:
-        """Set the current pose as the key at ``frame``, counted from 0; constraints are then removed."""
+        """Solve, and set the pose as the key at ``frame``, counted from 0; constraints are then removed.
+
+        Raises:
+            FacePoserError: If the constraints have no solution.
+        """
         frame = checks.frame_number(frame)
+        if self.session.pending:
+            self.session.apply()
+        self.session.wait(timeout=600.0)
         animation = self.session.animation
         animation.load(animation.keyframes.with_key(frame, self.session.coefficients), "Set a key", frame)
         self.session.wait()

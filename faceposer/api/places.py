@@ -65,7 +65,7 @@ def pixels_of(points: Pixels) -> tuple[tuple[float, float], ...]:
     """
     try:
         array = np.asarray(points, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
     if array.ndim != 2 or array.shape[1] != 2 or not len(array) or not np.isfinite(array).all():
         raise FacePoserError("Pixels must be pairs of numbers (u, v), at least one.")

@@ -7,7 +7,7 @@ import numpy as np
 
 from faceposer.api import checks
 from faceposer.api.places import Pixels, pixels_of
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, article
 from faceposer.geometry.camera import Camera
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
@@ -66,7 +66,7 @@ class SketchingMixin:
             The recognition: ``best`` has the feature and its points, and the constraint is the last of ``constraints``.
 
         Raises:
-            FacePoserError: If the stroke depicts no feature.
+            FacePoserError: If the stroke depicts no feature, or the face has too many strokes.
         """
         # Imported late: it loads all that recognises.
         from faceposer.sketch.sketcher import RECOGNISERS
@@ -90,9 +90,13 @@ class SketchingMixin:
         drawn = DrawnStroke(np.array(pixels), self._checked_camera(camera), feature)
         found, sketch = add_stroke(self.session, drawn, recognition, weight)
         if sketch is None and feature is not None:
-            raise FacePoserError(f"The stroke cannot be a {feature}: it does not match its feature points.")
+            why = found.reason or "it does not match its feature points"
+            raise FacePoserError(f"The stroke cannot be {article(feature)} {feature}: {why}.")
         if sketch is None:
-            guess = f"; if it is a {found.candidates[0].feature}, say so with 'feature'" if found.candidates else ""
+            guess = f": {found.reason}" if found.reason else ""
+            if found.candidates:
+                likely = found.candidates[0].feature
+                guess = f"; if it is {article(likely)} {likely}, say so with 'feature'"
             raise FacePoserError(f"The stroke depicts no feature of the face{guess}.")
         return found
 

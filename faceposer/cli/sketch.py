@@ -7,8 +7,8 @@ from typing import Any
 
 from faceposer.cli.arguments import add_spread
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.errors import FacePoserError, article, printable
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 from faceposer.files.writing import write_json
 
 NAME = "sketch"
@@ -56,8 +56,7 @@ def run(options: argparse.Namespace) -> int:
     if options.report is not None:
         check_output(options.report, ".json")
         check_not_input(options.report, options.what, options.strokes, options.camera)
-        if options.report.absolute() == options.output.absolute():
-            raise FacePoserError(f"'{options.report}' is also the output; give the report another name.")
+        check_distinct(options.report, options.output)
     is_drawing = options.strokes.suffix.lower() == ".svg"
     if not is_drawing and options.relative is not None:
         raise FacePoserError("--relative is for drawings (.svg); strokes of a .json file are taken as they are.")
@@ -75,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
 
     session = open_with_remark(options.what)
     character = session.model.character
-    camera = None if options.camera is None else read_camera(options.camera, character)
+    camera = None if options.camera is None else read_camera(options.camera, character, of_face=True)
     strokes = read_strokes(options.strokes, character, camera)
     if options.spread is not None:
         session.set_spread(options.spread)
@@ -91,9 +90,9 @@ def run(options: argparse.Namespace) -> int:
     seconds = time.perf_counter() - began
     session.save(options.output, strokes[-1].camera)
     if options.report is not None:
-        write_json(options.report, sketch_report(recognised, seconds), "report")
-    for i, found in enumerate(recognised):
-        print(printable(f"stroke {i}: {_described(found)}"))
+        write_json(options.report, sketch_report(strokes, recognised, seconds), "report")
+    for i, (stroke, found) in enumerate(zip(strokes, recognised, strict=True)):
+        print(printable(f"stroke {i}: {_described(found, stroke.feature)}"))
     count = sum(found.best is not None for found in recognised)
     print(f"{options.output} written: {count} of {len(strokes)} strokes recognised, {seconds:.1f} s")
     return 0
@@ -128,7 +127,7 @@ def _run_drawing(options: argparse.Namespace) -> int:
     seconds = time.perf_counter() - began
     session.save(options.output, camera)
     if options.report is not None:
-        write_text(options.report, json.dumps(drawing_report(found, seconds), indent=1) + "\n", "report")
+        write_json(options.report, drawing_report(found, seconds), "report")
     for i, stroke in enumerate(found.strokes):
         print(printable(f"line {i}{f' ({stroke.name})' if stroke.name else ''}: {_line_described(stroke)}"))
     for remark in found.remarks:
@@ -149,9 +148,14 @@ def _line_described(stroke: Any) -> str:
     return f"{stroke.candidate.feature} ({100.0 * stroke.candidate.probability:.0f} %{rest})"
 
 
-def _described(found: Any) -> str:
-    """Return a phrase for the recognition ``found``."""
+def _described(found: Any, named: str | None) -> str:
+    """Return a phrase for the recognition ``found`` of a stroke that is ``named``, if at all."""
     best, other = found.best, found.runner_up
+    if best is None and named is not None:
+        why = found.reason or "it does not match its feature points"
+        return f"cannot be {article(named)} {named}: {why}"
+    if best is None and found.reason:
+        return f"no feature recognised: {found.reason}"
     if best is None:
         return "no feature recognised" + (f" (most like {other.feature})" if other is not None else "")
     rest = f", else {other.feature}" if other is not None else ""

@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread, output_path
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 NAME = "solve"
 # Longest time for a solve, in seconds.
@@ -35,6 +35,7 @@ def run(options: argparse.Namespace) -> int:
     if options.report is not None:
         check_output(options.report, ".json")
         check_not_input(options.report, options.session)
+        check_distinct(options.report, options.output)
     from dataclasses import replace
 
     from faceposer.cli.opening import print_remark

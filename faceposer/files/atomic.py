@@ -165,6 +165,16 @@ def check_not_input(path: Path | None, *inputs: Path | str | None) -> None:
             raise FacePoserError(f"'{path}' is also an input; give the output another name.")
 
 
+def check_distinct(path: Path, other: Path) -> None:
+    """Check that the outputs ``path`` and ``other`` are two files, whatever links and ".." lead to them.
+
+    Raises:
+        FacePoserError: If they are one file.
+    """
+    if path_checks.resolved(path) == path_checks.resolved(other) or path_checks.same_file(path, other):
+        raise FacePoserError(f"'{path}' is also the output; give the report another name.")
+
+
 def check_output(path: Path, *suffixes: str) -> None:
     """Check that an output can be written and has one of the ``suffixes``, before any work is done for it.
 

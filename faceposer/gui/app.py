@@ -129,7 +129,8 @@ class App(Editor):
         if self._threaded and self.frames_drawn > 1 and self._prepared is not self.session.model:
             # Computed in the background after the first frame; otherwise the first drag would wait for it.
             model = self._prepared = self.session.model
-            threading.Thread(target=lambda: model.contact, name="contact", daemon=True).start()
+            # Not a daemon: one that is in native code when the program ends would abort it.
+            threading.Thread(target=lambda: model.contact, name="contact").start()
 
     def _take_events(self) -> None:
         events = self.window.take_events()

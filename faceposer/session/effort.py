@@ -17,7 +17,7 @@ _MOST_IMAGES = 200_000
 
 def check_effort(constraints: Sequence[Constraint]) -> None:
     """Raise a FacePoserError if strokes, curves and sketches are too many, or cover too many pixels, to be solved."""
-    drawn = sum(isinstance(c, StrokeConstraint | CurveConstraint | SketchConstraint) for c in constraints)
+    drawn = _drawn(constraints)
     if drawn > MOST_DRAWN:
         raise FacePoserError(f"constraints has {drawn} strokes, curves and sketches; there may be {MOST_DRAWN}.")
     if sum(c.effort for c in constraints if isinstance(c, StrokeConstraint)) > MOST_EFFORT:
@@ -28,3 +28,17 @@ def check_effort(constraints: Sequence[Constraint]) -> None:
             f'the strokes of constraints with the energy "image" must not cover more than {_MOST_IMAGES // 2} pixels '
             'together; use the energy "distance".'
         )
+
+
+def check_room(constraints: Sequence[Constraint], added: int) -> None:
+    """Raise a FacePoserError if a document with ``constraints`` has no room for ``added`` further strokes."""
+    drawn = _drawn(constraints)
+    if drawn + added > MOST_DRAWN:
+        raise FacePoserError(
+            f"The session has {drawn} strokes, curves and sketches, and {added} would be added; there may be "
+            f"{MOST_DRAWN}: remove some, or divide the strokes."
+        )
+
+
+def _drawn(constraints: Sequence[Constraint]) -> int:
+    return sum(isinstance(c, StrokeConstraint | CurveConstraint | SketchConstraint) for c in constraints)

@@ -10,7 +10,7 @@ from faceposer.photo.photo import Photo
 from faceposer.photo.places import anchor_of
 from faceposer.photo.posing import expression_constraints
 from faceposer.session.document import Document
-from faceposer.session.sketching import solver_input
+from faceposer.session.sketching import prior_of, solver_input
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
@@ -47,7 +47,7 @@ def pose_from_photo(document: Document, model: FaceModel, photo: Photo) -> Docum
     """
     pinned = {anchor_of(pin.place, model.character) for pin in photo.pins}
     start = solver_input(model, document)[1]
-    added = expression_constraints(photo, model, start, document.prior_weight, document.prior, document.spread)
+    added = expression_constraints(photo, model, start, document.prior_weight, prior_of(document), document.spread)
     kept = [constraint for constraint in document.constraints if not _is_from_pin(constraint, photo, pinned)]
     # A document has at most one gaze constraint: a locked one is kept, any other is replaced.
     if any(isinstance(constraint, GazeConstraint) for constraint in kept if constraint.locked):

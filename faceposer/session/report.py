@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
-from faceposer.sketch.recognition import Recognition
+from faceposer.sketch.recognition import DrawnStroke, Recognition
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.map_solver import Solution
 
@@ -47,19 +47,27 @@ def solve_report(model: FaceModel, document: Document, solution: Solution) -> di
     }
 
 
-def sketch_report(recognised: Sequence[Recognition], seconds: float) -> dict[str, Any]:
-    """Return the report of ``recognised`` strokes, for JSON (docs/sketching-files.md), after ``seconds`` of work."""
-    return {"strokes": [_stroke_report(found) for found in recognised], "seconds": seconds}
+def sketch_report(strokes: Sequence[DrawnStroke], recognised: Sequence[Recognition], seconds: float) -> dict[str, Any]:
+    """Return the report of ``recognised`` ``strokes``, for JSON (docs/sketching-files.md), after ``seconds`` of work."""
+    pairs = zip(strokes, recognised, strict=True)
+    return {"strokes": [_stroke_report(stroke.feature, found) for stroke, found in pairs], "seconds": seconds}
 
 
-def _stroke_report(found: Recognition) -> dict[str, Any]:
+def _stroke_report(named: str | None, found: Recognition) -> dict[str, Any]:
     best, other = found.best, found.runner_up
     nothing = max(0.0, 1.0 - sum(candidate.probability for candidate in found.candidates))
     points = () if best is None else best.points
+    if best is not None:
+        probability: float | None = best.probability
+    else:
+        # A stroke whose feature is named depicts that one, even if it cannot be placed.
+        probability = nothing if named is None else None
     return {
+        "named": named,
         "feature": None if best is None else best.feature,
-        "probability": nothing if best is None else best.probability,
+        "probability": probability,
         "runner_up": None if other is None else other.feature,
+        "reason": found.reason or None,
         "points": [
             {"feature_point": point.feature_point, "pixel": list(point.pixel), "probability": point.probability}
             for point in points

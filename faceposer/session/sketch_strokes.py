@@ -3,7 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from faceposer.errors import FacePoserError
+from faceposer.model.character import Character
+from faceposer.model.feature_curves import FEATURES
 from faceposer.progress import Progress
+from faceposer.session.effort import check_effort, check_room
 from faceposer.session.session import Session
 from faceposer.session.sketching import drawn_strokes, session_sketcher, sketch_of
 from faceposer.sketch.combining import combined
@@ -24,11 +28,15 @@ def add_stroke(
 
     Returns:
         The recognition, and the constraint; None if no feature was recognised, and nothing has changed.
+
+    Raises:
+        FacePoserError: If no feature can be drawn on the character, or the session would have too many strokes.
     """
     # Imported late: it loads all that recognises.
     from faceposer.sketch.sketcher import DEFAULT_RECOGNITION
 
     model, document = session.model, session.document
+    _check_drawable(model.character)
     method = DEFAULT_RECOGNITION if recognition is None else recognition
     found = session_sketcher(model).recognise(
         stroke, session.coefficients, drawn_strokes(document), stroke.feature, method
@@ -39,10 +47,12 @@ def add_stroke(
         return replace(found, accepted=False), None
     try:
         sketch = sketch_of(stroke, best, weight).resolved(model, session.coefficients)
-    except ValueError:
-        return replace(found, accepted=False), None
+    except ValueError as error:
+        return replace(found, accepted=False, reason=str(error)), None
+    constraints = combined(document.constraints, sketch)
+    check_effort(constraints)
     with session.edit(f"Sketch the {best.feature}"):
-        session.replace(replace(document, constraints=combined(document.constraints, sketch)))
+        session.replace(replace(document, constraints=constraints))
     return replace(found, accepted=True), sketch
 
 
@@ -55,8 +65,11 @@ def add_strokes(
     """Recognise ``strokes`` and add them to the constraints one by one; the face follows after each.
 
     Raises:
-        FacePoserError: If the constraints have no solution.
+        FacePoserError: If no feature can be drawn on the character, the session has no room for the strokes, or the
+            constraints have no solution.
     """
+    _check_drawable(session.model.character)
+    check_room(session.document.constraints, len(strokes))
     progress = progress or Progress()
     found = []
     for i, stroke in enumerate(strokes):
@@ -64,3 +77,13 @@ def add_strokes(
         found.append(add_stroke(session, stroke, recognition)[0])
         session.wait(timeout=600.0)
     return tuple(found)
+
+
+def _check_drawable(character: Character) -> None:
+    """Raise a FacePoserError if the ``character`` has no feature that can be drawn."""
+    known = character.feature_points
+    if not any(all(name in known for name in feature.points) for feature in FEATURES.values()):
+        raise FacePoserError(
+            f"No feature can be drawn on '{character.title}', since it lacks the feature points of each; train it again "
+            "with ARKit's shape names, from which feature points are found."
+        )

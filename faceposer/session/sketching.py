@@ -16,6 +16,7 @@ from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.solve.priors import Prior
 from faceposer.solve.problem import PoseProblem
 
 if TYPE_CHECKING:
@@ -80,7 +81,18 @@ def solver_input(model: FaceModel, document: Document) -> tuple[tuple[Constraint
 def pose_problem(model: FaceModel, document: Document) -> PoseProblem:
     """Return the problem whose solution is the pose of ``document``."""
     constraints, start = solver_input(model, document)
-    return PoseProblem(model, constraints, start, document.prior_weight, prior=document.prior, spread=document.spread)
+    prior = prior_of(document)
+    return PoseProblem(model, constraints, start, document.prior_weight, prior=prior, spread=document.spread)
+
+
+def prior_of(document: Document) -> Prior:
+    """Return the prior for the solver.
+
+    The plain prior does not depend on the start; where that is the paper's face, the prior by region takes its place.
+    """
+    if document.prior == "plain" and document.sketch_method == "paper" and active_sketches(document):
+        return "regions"
+    return document.prior
 
 
 def sketch_of(stroke: DrawnStroke, candidate: Candidate, weight: float = 1.0) -> SketchConstraint:

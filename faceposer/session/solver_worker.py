@@ -138,7 +138,8 @@ class SolverWorker:
 
     def prepare(self) -> None:
         """Prepare for the first job in another thread, so that jobs are accepted meanwhile."""
-        threading.Thread(target=prepare, name="prepare", daemon=True).start()
+        # Not a daemon: one that is in native code when the program ends would abort it.
+        threading.Thread(target=prepare, name="prepare").start()
 
     def poll(self) -> SolveResult | None:
         """Return the newest result not yet taken, or None."""

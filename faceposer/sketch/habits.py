@@ -24,7 +24,7 @@ FAMILIES = (
     *((f"{side} upper lid", f"{side} lower lid", f"{side} eye outline", f"{side} brow") for side in ("left", "right")),
 )
 # Log prior of the line of a closed mouth over others where the middle of a stroke lies on it, and of inner lips.
-_LINE, _INNER = 12.0, -2.0
+_LINE, _INNER = 14.0, -2.0
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
 _LOWER_LID = 2.0
 # Share of the way from the line of the mouth to the edge of a lip up to which a stroke is on the line, and from which

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
-from faceposer.sketch.point_mixture import DEPTH_ERROR, PointMixture, Rays
 from faceposer.sketch.plausibility import objection
+from faceposer.sketch.point_mixture import DEPTH_ERROR, PointMixture, Rays
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 from faceposer.sketch.visible_surface import VisibleSurface

@@ -42,6 +42,9 @@ RECOGNISERS: Mapping[str, Callable[[FaceModel, TrainingPoses], Recogniser]] = {
 #: The method that is used if none is named.
 DEFAULT_RECOGNITION = "ours"
 
+# Greatest distance of the paper's face from neutral, as a multiple of that of the training poses.
+_FARTHEST = 1.5
+
 
 class Sketcher:
     """Recognition of strokes and the paper's pose on one character.
@@ -120,7 +123,8 @@ class Sketcher:
     def paper_pose(self, sketched: Sequence[Sketched], start: Array) -> Array:
         """Return the coefficients, shape (r,), of the paper's face for matched strokes.
 
-        They depend on the strokes alone and are not limited to the natural range of the shapes.
+        They depend on the strokes alone and are not limited to the natural range of the shapes; a face farther from
+        neutral than ``_FARTHEST`` times the farthest training pose is moved back to that distance.
 
         Args:
             sketched: Strokes with their matched feature points, such as all enabled sketch constraints.
@@ -128,7 +132,13 @@ class Sketcher:
         """
         matched = [(stroke.camera, name, pixel) for stroke in sketched for name, pixel in stroke.matched]
         known = [match for match in matched if match[1] in self.training.index]
-        return self.paper.coefficients(self.paper.places_of(known)) if known else start
+        if not known:
+            return start
+        pose = self.paper.coefficients(self.paper.places_of(known))
+        if not np.isfinite(pose).all():
+            return start
+        most = _FARTHEST * float(np.linalg.norm(self.training.coefficients, axis=1).max())
+        return np.asarray(pose * min(1.0, most / max(float(np.linalg.norm(pose)), 1e-300)))
 
 
 _sketchers: "WeakKeyDictionary[FaceModel, dict[tuple[bytes, int, int], Sketcher]]" = WeakKeyDictionary()

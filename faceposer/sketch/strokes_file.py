@@ -71,7 +71,7 @@ def strokes_from_json(data: Any, character: Character, camera: Camera | None = N
     if camera is None and form.camera is None:
         raise FacePoserError("the file lacks the key 'camera'; add it, or give the camera separately.")
     if camera is None:
-        camera = camera_from_json(form.camera, "camera", character)
+        camera = camera_from_json(form.camera, "camera", character, of_face=True)
     for i, stroke in enumerate(form.strokes):
         if stroke.feature is not None:
             missing = [name for name in FEATURES[stroke.feature].points if name not in character.feature_points]

@@ -12,6 +12,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.curve_density import (
+    FACE_SIZE,
     FeatureRows,
     PoseMixture,
     ViewedCurves,
@@ -26,7 +27,7 @@ from faceposer.sketch.openness import log_openness
 from faceposer.sketch.placing import placed_points
 from faceposer.sketch.plausibility import objection
 from faceposer.sketch.polyline import evenly, lengths_along, stroke_line, untidiness
-from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
+from faceposer.sketch.recognition import Candidate, DrawnStroke, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 
 Array = NDArray[np.float64]
@@ -83,8 +84,10 @@ _HOPELESS, _NO_FINALIST = 40.0, 60.0
 # Share of a feature's length in the image below which a stroke is hardly a drawing of it, and its softness; the same of
 # the excess of a stroke's length over that of its samples, and of what smoothing removes, in units of the hand.
 _PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
-# Number of matched points by which a feature is recognised.
-_LEAST_MATCHED = 2
+# Number of matched points by which a feature is recognised, and the share of its length that replaces the second one.
+_LEAST_MATCHED, _LEAST_COVERED = 2, 0.38
+# Mean distance of a stroke from the most probable curve beyond which it is no drawing of it, in units of the hand.
+_FARTHEST = 0.03 * FACE_SIZE
 # Candidates below this probability are omitted unless they lie close to the likeliest, and those after the first four.
 _LEAST, _MOST_CANDIDATES = 0.01, 4
 
@@ -220,9 +223,6 @@ class WholeStrokeRecogniser:
         means = (density.means + share * information) @ tempered
         return density.updated(share * posterior.log_likelihood, means, tempered)
 
-    def _placed(self, found: tuple[Evidence, int], stroke: DrawnStroke, samples: Array) -> tuple[MatchedPoint, ...]:
-        return placed_points(found[0], found[1], stroke, samples, self.tuning.hand)
-
     def _decided(
         self,
         stroke: DrawnStroke,
@@ -238,7 +238,7 @@ class WholeStrokeRecogniser:
         names = [part.tracks[index].feature for part, index in found]
         totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
         logs = totals / tuning.temperature
-        length = float(lengths_along(samples)[-1])
+        length, covered = float(lengths_along(samples)[-1]), np.ones(len(found))
         winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
         untidy = _beyond(winding, *_WINDING) + _beyond(trembling, *_TREMBLING)
         for i, (part, index) in enumerate(found):
@@ -255,8 +255,8 @@ class WholeStrokeRecogniser:
             logs[i] += habits.log_priors.get(names[i], 0.0)
             if feature is None:
                 line = part.curves.pixels[names[i]]
-                covered = length / max(float(lengths_along(line)[-1]), 1e-9)
-                logs[i] -= _beyond(-covered, -_PIECE[0], _PIECE[1]) + untidy
+                covered[i] = length / max(float(lengths_along(line)[-1]), 1e-9)
+                logs[i] -= _beyond(-covered[i], -_PIECE[0], _PIECE[1]) + untidy
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
@@ -274,18 +274,17 @@ class WholeStrokeRecogniser:
         ranked = np.argsort(-logs)
         near = {near for i in ranked[:1] for near in family_of(names[i])}
         order = [i for i in ranked if probabilities[i] >= _LEAST or names[i] in near]
+        placed = [placed_points(*found[i], stroke, samples, self.tuning.hand) for i in order[:_MOST_CANDIDATES]]
         candidates = tuple(
-            Candidate(
-                names[i],
-                float(min(probabilities[i], 1.0)),
-                self._placed(found[i], stroke, samples),
-            )
-            for i in order[:_MOST_CANDIDATES]
+            Candidate(names[i], float(min(probabilities[i], 1.0)), points)
+            for i, (points, _) in zip(order, placed, strict=False)
         )
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
-        if feature is None and accepted and len(candidates[0].points) < _LEAST_MATCHED:
-            accepted = False
+        if accepted and len(candidates[0].points) < _LEAST_MATCHED:
+            accepted = bool(covered[order[0]] >= _LEAST_COVERED and candidates[0].points)
+        if accepted and feature is None:
+            accepted = placed[0][1] < _FARTHEST
         return Recognition(candidates, accepted)
 
 

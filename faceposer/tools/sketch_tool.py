@@ -50,7 +50,7 @@ class SketchTool(PosingTool):
         drawing: Pixels of the stroke being drawn in the camera of ``drawn_in``, or None.
         drawn_in: Camera under which the stroke is being drawn.
         preview: Feature that the unfinished stroke depicts, or None.
-        waiting: Stroke that is drawn but not recognised, because the recogniser is being prepared, or None.
+        waiting: Strokes that are drawn but not recognised, because the recogniser is being prepared, in their order.
         unnamed: The last stroke, if it depicts no feature, or None.
         preparing: Returns True while the recogniser is being prepared in the background.
         labels: Boxes of the names in the view, by the index of the constraint or ``UNNAMED``.
@@ -64,7 +64,7 @@ class SketchTool(PosingTool):
     help = "Draw a feature as it should look: a brow, a lid, a lip; the face takes that shape"
     empty_text = "Draw a brow, a lid, a lip or another feature as it should look. The face takes that shape."
     drag_hint = "Move: draw the feature   ·   release: the face follows   ·   Esc: cancel"
-    handle_hint = "Click: choose the next feature   ·   Shift+drag: move the stroke   ·   right click: remove it"
+    handle_hint = "Click: choose another feature   ·   Shift+drag: move the stroke   ·   right click: remove it"
     cursor = "draw"
 
     def __init__(self, tool_settings: ToolSettings) -> None:
@@ -73,7 +73,7 @@ class SketchTool(PosingTool):
         self.drawing: list[Pixel] | None = None
         self.drawn_in: Camera | None = None
         self.preview: Candidate | None = None
-        self.waiting: DrawnStroke | None = None
+        self.waiting: list[DrawnStroke] = []
         self.unnamed: UnnamedStroke | None = None
         self.preparing: Callable[[], bool] = lambda: False
         self.labels: dict[int, Box] = {}
@@ -166,7 +166,7 @@ class SketchTool(PosingTool):
             self._click(path[0], context)
             return
         self.unnamed = None
-        self.waiting = DrawnStroke(smoothed(path), camera)
+        self.waiting.append(DrawnStroke(smoothed(path), camera))
         self.advance(context)
 
     def _update_preview(self, path: list[Pixel], camera: Camera, context: ToolContext) -> None:
@@ -239,11 +239,10 @@ class SketchTool(PosingTool):
         return found.best if found.best in candidates else None, candidates
 
     def advance(self, context: ToolContext) -> bool:
-        """Recognise the waiting stroke if the recogniser is prepared; return True if there was such a stroke."""
-        stroke = self.waiting
-        if stroke is None or self.preparing():
+        """Recognise the first of the waiting strokes if the recogniser is prepared; return True if there was one."""
+        if not self.waiting or self.preparing():
             return False
-        self.waiting = None
+        stroke = self.waiting.pop(0)
         best, candidates = self._candidates(stroke, context)
         if best is None:
             self.unnamed = UnnamedStroke(stroke, candidates)
@@ -355,22 +354,30 @@ class SketchTool(PosingTool):
     @property
     def can_step_back(self) -> bool:
         """True if the last stroke is not recognised."""
-        return self.waiting is not None or self.unnamed is not None
+        return bool(self.waiting) or self.unnamed is not None
 
     def step_back(self) -> bool:
-        """Discard the stroke that is not recognised; return True if there was one."""
-        return self.discard()
+        """Discard the last stroke that waits, or else the one that is not recognised; return True if there was one."""
+        if not self.waiting:
+            return self.discard()
+        self.waiting.pop()
+        return True
 
     def discard(self) -> bool:
-        """Discard the stroke that is not recognised; return True if there was one."""
+        """Discard the strokes that wait and the one that is not recognised; return True if there was one."""
         had = self.can_step_back
-        self.waiting = self.unnamed = None
+        self.waiting, self.unnamed = [], None
         return had
+
+    def left(self) -> None:
+        """Keep the strokes that wait: they become sketches while another tool is used."""
+        self.unnamed = None
 
     def hint(self, context: ToolContext) -> str:
         """Return the effect of a press, for the status bar."""
-        if self.waiting is not None:
-            return "Preparing the recogniser for this character...   ·   Esc: discard the stroke"
+        if self.waiting:
+            strokes = "stroke" if len(self.waiting) == 1 else f"{len(self.waiting)} strokes"
+            return f"Preparing the recogniser for this character...   ·   Esc: discard the {strokes}"
         if self.unnamed is not None:
             return f"{UNRECOGNISED}   ·   draw it again, or click the stroke to name it   ·   Esc: discard it"
         return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the face: orbit"

@@ -269,6 +269,10 @@ class PosingTool:
         """Discard the current edit (Esc); return True if there was one."""
         return False
 
+    def left(self) -> None:
+        """Discard the current edit, since another tool is chosen."""
+        self.discard()
+
     def hint(self, context: ToolContext) -> str:
         """Return the effect of the mouse, for the status bar."""
         raise NotImplementedError

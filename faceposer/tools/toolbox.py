@@ -99,7 +99,7 @@ class Toolbox:
         """Choose the tool ``name``; the unfinished edit of another tool is discarded."""
         tool = self.photo_tool if name == self.photo_tool.name else self.tools[name]
         if self._gesture is None and self.chosen is not tool:
-            self.chosen.discard()
+            self.chosen.left()
             self.chosen = tool
 
     def select(self, index: int, extend: bool = False) -> None:

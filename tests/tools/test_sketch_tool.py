@@ -304,7 +304,7 @@ def test_a_stroke_waits_for_the_recogniser(context: HeadlessContext) -> None:
     tool.preparing = lambda: not ready
     context.follow(way_of(context, "left brow", dy=-8.0))
     assert context.constraints == ()
-    assert tool.waiting is not None
+    assert len(tool.waiting) == 1
     assert "Preparing" in context.toolbox.hint()
     assert not tool.advance(context)
     ready.append(True)

@@ -53,6 +53,15 @@ class SketchFeature(Feature):
         unfinished = self.chosen and self.tool.can_step_back and not self.context.toolbox.active
         return self.tool.hint(self.context.viewport) if unfinished else ""
 
+    @property
+    def selects(self) -> bool:
+        """True if strokes wait for the recogniser; "Delete" removes them."""
+        return bool(self.tool.waiting)
+
+    def delete_selected(self) -> None:
+        """Discard the strokes that wait."""
+        self.tool.waiting.clear()
+
     def session_changed(self) -> None:
         """Serve the tool of the new session."""
         self.tool.preparing = lambda: self.preparing

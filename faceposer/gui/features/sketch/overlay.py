@@ -88,7 +88,7 @@ class SketchOverlay:
                 for x, y in [] if knobs is None else knobs.tolist():
                     painter.knob((x, y), 2.6, INK, 1.0, False)
         for stroke, colour in (
-            (tool.waiting, TARGET),
+            *((waiting, TARGET) for waiting in tool.waiting),
             (None if tool.unnamed is None else tool.unnamed.stroke, WARNING),
         ):
             seen = None if stroke is None else pixels_in_view(as_pixels(stroke.pixels), stroke.camera, camera)

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 _METHODS: tuple[SketchMethod, ...] = get_args(SketchMethod)
 _METHOD_TIPS = (
     "The strokes are constraints of the solve, like pins and curves.",
-    "The face starts from the pose of Gunnarsson and Maddock 2010, completed from the matched points.",
+    "The face starts from the pose of Gunnarsson and Maddock 2010, completed from the matched points. The weights of "
+    "sketches do not count then.",
 )
 
 

@@ -24,7 +24,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
-from faceposer.session.sketching import solver_input
+from faceposer.session.sketching import prior_of, solver_input
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.priors import Prior
 from faceposer.solve.problem import RECORDED_SPREAD, SPREAD
@@ -255,7 +255,7 @@ class TrajectoriesFeature(Feature):
             session.coefficients if first is not None and not constraints else start,
             constraints,
             document.prior_weight,
-            document.prior,
+            prior_of(document),
             # Drawn trajectories act like drags; those from a file were recorded on a real face.
             RECORDED_SPREAD if first is None else document.spread,
         )
