@@ -23,13 +23,14 @@ FAMILIES = (
     ("mouth line", "outer lower lip", "outer upper lip", "inner lower lip", "inner upper lip", "mouth outline"),
     *((f"{side} upper lid", f"{side} lower lid", f"{side} eye outline", f"{side} brow") for side in ("left", "right")),
 )
-# Log prior of the line of a closed mouth over others where the middle of a stroke lies on it, and of inner lips.
-_LINE, _INNER = 14.0, -2.0
+# Log prior of the line of a closed mouth over others where the middle of a stroke lies on it, before and after other
+# lines of the mouth are drawn, and of inner lips.
+_LINE, _LINE_AFTER_LIPS, _INNER = 14.0, 4.0, -2.0
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
-_LOWER_LID = 2.0
-# Share of the way from the line of the mouth to the edge of a lip up to which a stroke is on the line, and from which
-# it is not; least height of a lip, in units of the hand.
-_ON, _OFF, _LEAST_LIP = 0.45, 0.65, 14.0
+_LOWER_LID = 1.6
+# Share of the way from the line of the mouth to the lower and to the upper edge of the lips up to which a stroke is on
+# the line, and from which it is not; least height of a lip, in units of the hand.
+_LOWER, _UPPER, _LEAST_LIP = (0.45, 0.65), (0.25, 0.5), 14.0
 # Middle of a line along its chord; extents of a stroke from corner to corner, as shares of the mouth's width.
 _MIDDLE, _SPANS = (0.3, 0.7), (0.75, 1.6)
 
@@ -74,11 +75,11 @@ def habits_of(
         return (camera.project(places) - camera.principal_point) / unit
 
     mouth = ("mouth line", "outer lower lip", "outer upper lip")
-    if all(name in rows.tracks for name in mouth) and _gap(rows, pose, "mouth") < OPEN:
-        if not {"mouth line", "inner upper lip", "inner lower lip"} & set(drawn):
-            on_line = _on_line(samples, *(line(name) for name in mouth))
-            found["mouth line"] = _LINE * on_line
-            found["inner upper lip"] = found["inner lower lip"] = _INNER
+    first = not {"mouth line", "inner upper lip", "inner lower lip"} & set(drawn)
+    if first and all(name in rows.tracks for name in mouth) and _gap(rows, pose, "mouth") < OPEN:
+        on_line = _on_line(samples, *(line(name) for name in mouth))
+        found["mouth line"] = on_line * (_LINE_AFTER_LIPS if set(FAMILIES[0]) & set(drawn) else _LINE)
+        found["inner upper lip"] = found["inner lower lip"] = _INNER
     for side in ("left", "right"):
         lids = f"{side} upper lid", f"{side} lower lid"
         if all(name in rows.tracks for name in lids):
@@ -109,7 +110,8 @@ def _on_line(samples: Array, middle: Array, lower: Array, upper: Array) -> float
     # Offsets of the edge of the lip on that side.
     edge = -float(_across(middle, lower if offset > 0.0 else upper, middle).mean())
     share = abs(offset) / max(abs(edge), _LEAST_LIP)
-    return float(np.clip((_OFF - share) / (_OFF - _ON), 0.0, 1.0))
+    on, off = _LOWER if offset > 0.0 else _UPPER
+    return float(np.clip((off - share) / (off - on), 0.0, 1.0))
 
 
 def _in_chord(points: Array, line: Array) -> tuple[Array, Array]:
