@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.sketch.curve_density import FACE_SIZE, FeatureRows
 from faceposer.sketch.openness import OPEN
+from faceposer.sketch.polyline import lengths_along
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,9 @@ FAMILIES = (
 # Log prior of the line of a closed mouth over others where the middle of a stroke lies on it, before and after other
 # lines of the mouth are drawn, and of inner lips.
 _LINE, _LINE_AFTER_LIPS, _INNER = 14.0, 4.0, -2.0
+# Log prior of the outline of a mouth or an eye for a closed stroke around its middle; greatest distance of the ends of a
+# closed stroke as a share of its length; its extents across, as shares of the width of the mouth or the eye.
+_LOOP, _CLOSED, _LOOP_SPANS = 40.0, 0.12, (0.6, 1.35)
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
 _LOWER_LID = 1.6
 # Share of the way from the line of the mouth to the lower and to the upper edge of the lips up to which a stroke is on
@@ -80,6 +84,10 @@ def habits_of(
         on_line = _on_line(samples, *(line(name) for name in mouth))
         found["mouth line"] = on_line * (_LINE_AFTER_LIPS if set(FAMILIES[0]) & set(drawn) else _LINE)
         found["inner upper lip"] = found["inner lower lip"] = _INNER
+    if _is_closed(samples):
+        for name in ("mouth outline", "left eye outline", "right eye outline"):
+            if name in rows.tracks and _surrounds(samples, line(name)):
+                found[name] = _LOOP
     for side in ("left", "right"):
         lids = f"{side} upper lid", f"{side} lower lid"
         if all(name in rows.tracks for name in lids):
@@ -112,6 +120,19 @@ def _on_line(samples: Array, middle: Array, lower: Array, upper: Array) -> float
     share = abs(offset) / max(abs(edge), _LEAST_LIP)
     on, off = _LOWER if offset > 0.0 else _UPPER
     return float(np.clip((off - share) / (off - on), 0.0, 1.0))
+
+
+def _is_closed(samples: Array) -> bool:
+    """Return True if a stroke ends about where it begins."""
+    return bool(np.hypot(*(samples[-1] - samples[0])) < _CLOSED * lengths_along(samples)[-1])
+
+
+def _surrounds(samples: Array, outline: Array) -> bool:
+    """Return True if closed ``samples`` go once around the middle of ``outline``, about as wide as it."""
+    extents = float(np.ptp(samples[:, 0])) / max(float(np.ptp(outline[:, 0])), 1e-9)
+    offsets = samples - 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+    angles = np.unwrap(np.arctan2(offsets[:, 1], offsets[:, 0]))
+    return _LOOP_SPANS[0] < extents < _LOOP_SPANS[1] and 1.6 * np.pi < abs(angles[-1] - angles[0]) < 2.4 * np.pi
 
 
 def _in_chord(points: Array, line: Array) -> tuple[Array, Array]:

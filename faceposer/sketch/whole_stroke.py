@@ -88,8 +88,8 @@ _PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
 _LEAST_MATCHED, _LEAST_COVERED = 2, 0.38
 # Mean distance of a stroke from the most probable curve beyond which it is no drawing of it, in units of the hand.
 _FARTHEST = 0.03 * FACE_SIZE
-# Candidates below this probability are omitted unless they lie close to the likeliest, and those after the first four.
-_LEAST, _MOST_CANDIDATES = 0.01, 4
+# Candidates below this probability are omitted unless they lie close to the likeliest, and those after the first five.
+_LEAST, _MOST_CANDIDATES = 0.01, 5
 
 
 class WholeStrokeRecogniser:

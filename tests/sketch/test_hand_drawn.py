@@ -38,7 +38,7 @@ def test_candidates_are_neighbours_of_the_likeliest() -> None:
         others = [candidate for candidate in found[1:] if candidate.probability < 0.01]
         assert {candidate.feature for candidate in others} <= set(family_of(found[0].feature))
         if feature in ("mouth line", "outer lower lip"):
-            assert len(found) == 4
+            assert len(found) == 5
             assert {"mouth line", "outer lower lip"} <= {candidate.feature for candidate in found}
 
 
