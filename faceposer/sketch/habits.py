@@ -29,7 +29,7 @@ FAMILIES = (
 _LINE, _LINE_AFTER_LIPS, _INNER = 14.0, 4.0, -2.0
 # Log prior of the outline of a mouth or an eye for a closed stroke around its middle; greatest distance of the ends of a
 # closed stroke as a share of its length; its extents across, as shares of the width of the mouth or the eye.
-_LOOP, _CLOSED, _LOOP_SPANS = 40.0, 0.12, (0.6, 1.35)
+_LOOP, _CLOSED, _LOOP_SPANS = 80.0, 0.12, (0.6, 1.35)
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
 _LOWER_LID = 1.6
 # Share of the way from the line of the mouth to the lower and to the upper edge of the lips up to which a stroke is on

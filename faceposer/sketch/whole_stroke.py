@@ -86,8 +86,9 @@ _HOPELESS, _NO_FINALIST = 40.0, 60.0
 _PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
 # Number of matched points by which a feature is recognised, and the share of its length that replaces the second one.
 _LEAST_MATCHED, _LEAST_COVERED = 2, 0.38
-# Mean distance of a stroke from the most probable curve beyond which it is no drawing of it, in units of the hand.
-_FARTHEST = 0.03 * FACE_SIZE
+# Mean distance of a stroke from the most probable curve beyond which it is no drawing of it, in units of the hand; that
+# of closed strokes is greater, since nothing else looks like them.
+_FARTHEST, _FARTHEST_CLOSED = 0.03 * FACE_SIZE, 0.05 * FACE_SIZE
 # Candidates below this probability are omitted unless they lie close to the likeliest, and those after the first five.
 _LEAST, _MOST_CANDIDATES = 0.01, 5
 
@@ -242,6 +243,7 @@ class WholeStrokeRecogniser:
         winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
         untidy = _beyond(winding, *_WINDING) + _beyond(trembling, *_TREMBLING)
         for i, (part, index) in enumerate(found):
+            logs[i] += habits.log_priors.get(names[i], 0.0)
             if totals[i] < totals.max() - _HOPELESS:
                 continue
             # A line drawn where the mouth is closed is of a closed mouth, whatever pose is nearest to its ends.
@@ -252,7 +254,6 @@ class WholeStrokeRecogniser:
                 logs[i] += np.log(tuning.line)
             if names[i] in AFTER and not drawn & AFTER[names[i]]:
                 logs[i] += np.log(tuning.early["lid" in names[i]])
-            logs[i] += habits.log_priors.get(names[i], 0.0)
             if feature is None:
                 line = part.curves.pixels[names[i]]
                 covered[i] = length / max(float(lengths_along(line)[-1]), 1e-9)
@@ -284,7 +285,8 @@ class WholeStrokeRecogniser:
         if accepted and len(candidates[0].points) < _LEAST_MATCHED:
             accepted = bool(covered[order[0]] >= _LEAST_COVERED and candidates[0].points)
         if accepted and feature is None:
-            accepted = placed[0][1] < _FARTHEST
+            closed = FEATURES[names[order[0]]].closed
+            accepted = placed[0][1] < (_FARTHEST_CLOSED if closed else _FARTHEST)
         return Recognition(candidates, accepted)
 
 
