@@ -48,7 +48,7 @@ def solve_report(model: FaceModel, document: Document, solution: Solution) -> di
 
 
 def sketch_report(strokes: Sequence[DrawnStroke], recognised: Sequence[Recognition], seconds: float) -> dict[str, Any]:
-    """Return the report of ``recognised`` ``strokes``, for JSON (docs/sketching-files.md), after ``seconds`` of work."""
+    """Return the report of ``strokes`` as ``recognised`` in ``seconds``, for JSON (docs/sketching-files.md)."""
     pairs = zip(strokes, recognised, strict=True)
     return {"strokes": [_stroke_report(stroke.feature, found) for stroke, found in pairs], "seconds": seconds}
 

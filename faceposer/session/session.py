@@ -21,16 +21,15 @@ from faceposer.session.document import Document
 from faceposer.session.history import History
 from faceposer.session.report import Residuals
 from faceposer.session.saved_state import SavedState
+from faceposer.session.setting_edits import SettingEdits
 from faceposer.session.solver_worker import InlineWorker, SolveRequest, Worker
 from faceposer.solve.constraints.registry import Constraint
-from faceposer.solve.constraints.sketch import SketchMethod
 from faceposer.solve.map_solver import Solution, SolveError
-from faceposer.solve.priors import Prior
 
 Mode = Literal["live", "apply"]
 
 
-class Session:
+class Session(SettingEdits):
     """A document with its face model, edited one gesture at a time.
 
     Changes are solved at once in the mode "live" (the paper's dragging), and on request in "apply" ("click done").
@@ -220,31 +219,6 @@ class Session:
         """Remove the constraints ``indices`` as one step; without constraints, the face returns to its start pose."""
         with self.edit(label):
             self.replace(self._document.without_constraints(indices))
-
-    def set_prior_weight(self, weight: float) -> None:
-        """Change the weight of the prior, inside the open edit or as one step."""
-        self._change(replace(self._document, prior_weight=weight), "Change the prior weight")
-
-    def set_spread(self, spread: float) -> None:
-        """Change the spread, 0 to 1, of the constraints' influence, inside the open edit or as one step."""
-        self._change(replace(self._document, spread=spread), "Change the spread")
-
-    def set_prior(self, prior: Prior) -> None:
-        """Change the kind of the prior, as one step."""
-        with self.edit("Change the prior"):
-            self.replace(replace(self._document, prior=prior))
-
-    def set_sketch_method(self, method: SketchMethod) -> None:
-        """Change how sketches determine the face, as one step."""
-        if method != self._document.sketch_method:
-            with self.edit("Change the method of sketches"):
-                self.replace(replace(self._document, sketch_method=method))
-
-    def set_contact(self, contact: bool) -> None:
-        """Turn the contact step on or off, as one step; the pose remains unchanged."""
-        if contact != self._document.contact:
-            with self.edit("Turn contact on" if contact else "Turn contact off"):
-                self.set_without_history(replace(self._document, contact=contact))
 
     def change_constraint(self, index: int, constraint: Constraint, label: str) -> None:
         """Replace constraint ``index``, inside the open edit or as one step."""

@@ -84,6 +84,6 @@ def _check_drawable(character: Character) -> None:
     known = character.feature_points
     if not any(all(name in known for name in feature.points) for feature in FEATURES.values()):
         raise FacePoserError(
-            f"No feature can be drawn on '{character.title}', since it lacks the feature points of each; train it again "
-            "with ARKit's shape names, from which feature points are found."
+            f"No feature can be drawn on '{character.title}', since it lacks the feature points of each; train it "
+            "again with ARKit's shape names, from which feature points are found."
         )

@@ -27,8 +27,8 @@ FAMILIES = (
 # Log prior of the line of a closed mouth over others where the middle of a stroke lies on it, before and after other
 # lines of the mouth are drawn, and of inner lips.
 _LINE, _LINE_AFTER_LIPS, _INNER = 14.0, 4.0, -2.0
-# Log prior of the outline of a mouth or an eye for a closed stroke around its middle; greatest distance of the ends of a
-# closed stroke as a share of its length; its extents across, as shares of the width of the mouth or the eye.
+# Log prior of the outline of a mouth or an eye for a closed stroke around its middle; greatest distance of the ends of
+# such a stroke as a share of its length; its widths, as shares of that of the mouth or the eye.
 _LOOP, _CLOSED, _LOOP_SPANS = 80.0, 0.12, (0.6, 1.35)
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
 _LOWER_LID = 1.6

@@ -12,8 +12,8 @@ Array = NDArray[np.float64]
 
 #: Least and greatest length of a stroke that can depict a feature, in heights of the face.
 SHORTEST, LONGEST = 0.04, 3.0
-# Least length of a stroke whose feature is named.
-_SHORTEST_NAMED = 0.015
+# The same of a stroke whose feature is named.
+_SHORTEST_NAMED, _LONGEST_NAMED = 0.015, 10.0
 
 
 def objection(stroke: DrawnStroke, character: Character, named: bool = False) -> str:
@@ -22,7 +22,7 @@ def objection(stroke: DrawnStroke, character: Character, named: bool = False) ->
     Args:
         stroke: The stroke.
         character: The character.
-        named: True if the user says which feature it depicts; it may then be shorter.
+        named: True if the user says which feature it depicts; it may then be shorter, or longer.
     """
     try:
         face = FaceInView.of(character, stroke.camera)
@@ -33,9 +33,9 @@ def objection(stroke: DrawnStroke, character: Character, named: bool = False) ->
     except ValueError as error:
         return str(error)
     length = float(lengths_along(points)[-1]) / max(face.height, 1e-12)
-    least = _SHORTEST_NAMED if named else SHORTEST
-    if max(float(np.hypot(*np.ptp(points, axis=0))) / max(face.height, 1e-12), 0.0) < least:
+    least, most = (_SHORTEST_NAMED, _LONGEST_NAMED) if named else (SHORTEST, LONGEST)
+    if float(np.hypot(*np.ptp(points, axis=0))) / max(face.height, 1e-12) < least:
         return f"it is shorter than {100.0 * least:g} % of the face's height"
-    if length > LONGEST:
-        return f"it is longer than {LONGEST:g} heights of the face"
+    if length > most:
+        return f"it is longer than {most:g} heights of the face"
     return ""

@@ -275,10 +275,11 @@ class WholeStrokeRecogniser:
         ranked = np.argsort(-logs)
         near = {near for i in ranked[:1] for near in family_of(names[i])}
         order = [i for i in ranked if probabilities[i] >= _LEAST or names[i] in near]
-        placed = [placed_points(*found[i], stroke, samples, self.tuning.hand) for i in order[:_MOST_CANDIDATES]]
+        shown = order[:_MOST_CANDIDATES]
+        placed = [placed_points(found[i][0], found[i][1], stroke, samples, tuning.hand) for i in shown]
         candidates = tuple(
             Candidate(names[i], float(min(probabilities[i], 1.0)), points)
-            for i, (points, _) in zip(order, placed, strict=False)
+            for i, (points, _) in zip(shown, placed, strict=True)
         )
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)

@@ -9,9 +9,10 @@ import pytest
 
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.model.face_model import FaceModel
-from faceposer.session.document import read_document
+from faceposer.session.document import Document, read_document, write_document
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.solve.constraints.stroke import as_pixels
 from tests.command_line import run, run_captured
 from tests.sketch.drawings import drawn, scribble
 
@@ -57,7 +58,7 @@ def test_strokes_pose_the_face_and_are_reported(
     features = [stroke["feature"] for stroke in found["strokes"]]
     assert features == ["left brow", None, "right brow", "outer upper lip"]
     for stroke in found["strokes"]:
-        assert set(stroke) == {"feature", "probability", "runner_up", "points"}
+        assert set(stroke) == {"named", "feature", "probability", "runner_up", "reason", "points"}
         assert 0.0 <= stroke["probability"] <= 1.0
         assert bool(stroke["points"]) == (stroke["feature"] is not None)
     (first, *_) = found["strokes"][0]["points"]
@@ -223,3 +224,46 @@ def test_wrong_options_of_drawings(options: tuple[str, ...], said: str, tmp_path
     assert code == 2
     assert said in error
     assert not (tmp_path / "o.json").exists()
+
+
+def test_a_report_does_not_overwrite_the_session(
+    man: FaceModel, camera: Camera, strokes: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link.json").symlink_to("out.json")
+    out = tmp_path / "out.json"
+    out.write_text("{}")
+    for report in (out, tmp_path / "folder" / ".." / "out.json", tmp_path / "link.json"):
+        status, _, err = run_captured(capsys, "sketch", "man", strokes, "-o", out, "--report", report)
+        assert status == 2
+        assert "is also the output" in err
+    assert out.read_text() == "{}"
+
+
+def test_named_strokes_that_cannot_be_placed_say_why(
+    man: FaceModel, camera: Camera, tmp_path: Path, capsys: Capture
+) -> None:
+    far = [[u + 1e5, v] for u, v in drawn(man, "left brow", man.neutral(), camera)]
+    path = written(tmp_path / "far.json", camera, [{"pixels": far, "feature": "outer upper lip"}])
+    out, report = tmp_path / "out.json", tmp_path / "r.json"
+    status, said, _ = run_captured(capsys, "sketch", "man", path, "-o", out, "--report", report)
+    assert status == 0
+    assert "stroke 0: cannot be an outer upper lip: its stroke is" in said
+    stroke = json.loads(report.read_text())["strokes"][0]
+    assert (stroke["named"], stroke["feature"], stroke["probability"]) == ("outer upper lip", None, None)
+
+
+def test_sessions_without_room_are_refused_before_the_work(
+    man: FaceModel, camera: Camera, tmp_path: Path, capsys: Capture
+) -> None:
+    lines = [{"pixels": [[u, 300], [u + 50, 290]], "feature": None} for u in range(200, 203)]
+    path = written(tmp_path / "three.json", camera, lines)
+    line = drawn(man, "left brow", man.neutral(), camera)
+    sketch = SketchConstraint(as_pixels(line), camera, "left brow", (("4.1", (line[0][0], line[0][1])),))
+    document = Document("man", (sketch,) * 198, coefficients=man.neutral())
+    full = tmp_path / "full.json"
+    write_document(full, document)
+    status, _, err = run_captured(capsys, "sketch", full, path, "-o", tmp_path / "out.json")
+    assert status == 2
+    assert "has 198 strokes, curves and sketches, and 3 would be added" in err
+    assert "Undo" not in err

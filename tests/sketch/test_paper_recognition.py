@@ -71,11 +71,15 @@ def test_strokes_far_from_every_feature_are_refused(low: FaceModel, recogniser: 
     rng = np.random.default_rng(0)
     brow = stroke_along(low, low.neutral(), "left brow", camera).pixels
     scribble = brow.mean(axis=0) + 120.0 * rng.normal(size=(25, 2))
-    for pixels in (brow - [0.0, 130.0], scribble, np.tile([[20.0, 20.0]], (2, 1))):
+    for pixels in (brow - [0.0, 130.0], scribble[:4]):
         found = recogniser.recognise(DrawnStroke(pixels, camera), low.neutral())
         assert not found.accepted
         assert found.best is None
         assert found.runner_up is found.candidates[0]
+    for pixels, reason in ((scribble, "longer"), (np.tile([[20.0, 20.0]], (2, 1)), "no length")):
+        found = recogniser.recognise(DrawnStroke(pixels, camera), low.neutral())
+        assert not found.accepted
+        assert reason in found.reason
 
 
 def test_probabilities(low: FaceModel, recogniser: PaperRecogniser) -> None:

@@ -12,6 +12,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import OrbitView
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
+from faceposer.model.framing import face_view
 from faceposer.sketch.strokes_file import read_strokes, strokes_from_json
 from faceposer.solve.constraints import codec
 
@@ -39,7 +40,10 @@ def test_strokes_are_read_with_their_camera(character: Character, tmp_path: Path
     strokes = read_strokes(path, character)
     np.testing.assert_array_equal(strokes[0].pixels, STROKES[0]["pixels"])
     assert [stroke.feature for stroke in strokes] == [None, "left brow", None]
-    assert all(stroke.camera == front(character) for stroke in strokes)
+    # The same framing as of ``Face.camera``: the face, not the whole head.
+    (width, height), view = DATA["camera"]["size"], DATA["camera"]["view"]
+    expected = face_view(character, view, width / height).camera((width, height))
+    assert all(stroke.camera == expected for stroke in strokes)
 
 
 def test_cameras_are_views_parameters_or_given_separately(character: Character) -> None:

@@ -270,3 +270,54 @@ def test_a_character_without_feature_points_has_no_features() -> None:
     recogniser = WholeStrokeRecogniser(model, np.zeros((2, model.n_coefficients)))
     stroke = DrawnStroke(np.array([[100.0, 100.0], [300.0, 120.0]]), camera_of(model))
     assert recogniser.recognise(stroke, model.neutral()).best is None
+
+
+def test_ticks_and_zigzags_are_no_features() -> None:
+    model, recogniser, rows = fitted("man")
+    camera, rng = camera_of(model), np.random.default_rng(4)
+    middle = camera.project(rows.middle[None])[0]
+    accepted: dict[str, list[bool]] = {"tick": [], "zigzag": [], "huge": []}
+    for length in (8.0, 12.0, 16.0, 24.0, 40.0, 60.0, 100.0):
+        for _ in range(12):
+            begin, angle = middle + rng.uniform(-200, 200, 2), rng.uniform(0.0, 2.0 * np.pi)
+            tick = np.stack([begin, begin + length * np.array([np.cos(angle), np.sin(angle)])])
+            accepted["tick"].append(recogniser.recognise(DrawnStroke(tick, camera), model.neutral()).accepted)
+    for size in (10.0, 20.0, 40.0):
+        for _ in range(12):
+            across = np.linspace(0.0, rng.uniform(60.0, 200.0), 30)
+            zigzag = middle + rng.uniform(-150, 100, 2) + np.stack([across, size * (np.arange(30) % 2)], axis=1)
+            accepted["zigzag"].append(recogniser.recognise(DrawnStroke(zigzag, camera), model.neutral()).accepted)
+    for size in (2e3, 1e5, 1e6):
+        for _ in range(12):
+            line = rng.uniform(-size, size, (2, 2))
+            accepted["huge"].append(recogniser.recognise(DrawnStroke(line, camera), model.neutral()).accepted)
+    assert {kind: float(np.mean(of_kind)) for kind, of_kind in accepted.items() if np.mean(of_kind) > 0.05} == {}
+
+
+@pytest.mark.parametrize("feature", ["left brow", "right brow", "outer upper lip", "outer lower lip"])
+def test_halves_of_features_are_recognised(feature: str) -> None:
+    model, recogniser, rows = fitted("man")
+    camera = camera_of(model)
+    line = line_of(rows, model, camera, feature, model.neutral())
+    for half in (line[: len(line) // 2 + 1], line[len(line) // 2 :]):
+        best = recogniser.recognise(DrawnStroke(half, camera), model.neutral()).best
+        assert best is not None
+        assert best.feature == feature
+
+
+def test_cameras_that_do_not_show_the_face_are_no_error() -> None:
+    model, recogniser, rows = fitted("man")
+    rng, usual = np.random.default_rng(11), camera_of(model)
+    line = line_of(rows, model, usual, "right brow", model.neutral())
+    for _ in range(150):
+        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        axes *= np.sign(np.linalg.det(axes))
+        place = rng.normal(size=3) * 10 ** rng.uniform(-1, 3) + [0.0, 0.0, 10 ** rng.uniform(0, 4)]
+        size = int(10 ** rng.uniform(0, 4)), int(10 ** rng.uniform(0, 4))
+        camera = Camera(axes, place, float(10 ** rng.uniform(-1, 5)), size)
+        stroke = rng.uniform(-1, 1, (rng.integers(2, 12), 2)) * 10 ** rng.uniform(0, 6) + np.array(size) / 2
+        others = [DrawnStroke(line, camera, "right brow")]
+        for named in (None, "left brow"):
+            found = recogniser.recognise(DrawnStroke(stroke, camera), model.neutral(), others, named)
+            for candidate in found.candidates:
+                assert np.isfinite([*candidate.points[0].pixel, candidate.probability]).all()

@@ -204,8 +204,25 @@ def test_a_single_matched_point_is_enough(model: FaceModel, camera: Camera) -> N
         assert np.hypot(*(reached - single.on_face.targets).T).mean() < 4.0
 
 
-def test_strokes_far_outside_and_tiny_ones_give_finite_poses(model: FaceModel, camera: Camera) -> None:
-    for stroke in ([(-1e6, -1e6), (1e6, 1e6)], [(9e5, 9e5), (9e5 + 1e-3, 9e5)], [(400.0, 400.0), (400.0, 400.1)]):
+def test_what_does_not_show_the_face_is_refused(model: FaceModel, camera: Camera) -> None:
+    def resolved(stroke: list[tuple[float, float]], camera: Camera) -> SketchConstraint:
+        sketch = SketchConstraint(as_pixels(stroke), camera, "left brow", (("4.1", stroke[0]), ("4.3", stroke[1])))
+        return sketch.resolved(model, model.neutral())
+
+    usual = [(400.0, 300.0), (450.0, 300.0)]
+    resolved(usual, camera)
+    for stroke in ([(-1e6, -1e6), (1e6, 1e6)], [(9e5, 9e5), (9e5 + 1e-3, 9e5)]):
+        with pytest.raises(ValueError, match="heights of the face away"):
+            resolved(stroke, camera)
+    for depth, said in ((-110.0, "in front of it"), (0.0, "in front of it"), (1e9, "heights of the face away")):
+        with pytest.raises(ValueError, match=said):
+            resolved(usual, replace(camera, translation=np.array([0.0, 0.0, depth])))
+    with pytest.raises(ValueError, match="no length"):
+        resolved([(400.0, 300.0), (400.0 + 5e-10, 300.0)] * 4999, camera)
+
+
+def test_large_and_tiny_strokes_give_finite_poses(model: FaceModel, camera: Camera) -> None:
+    for stroke in ([(-500.0, -500.0), (1500.0, 1500.0)], [(400.0, 400.0), (400.0, 400.1)]):
         for feature in ("left brow", "mouth outline", "mouth line"):
             names = FEATURES[feature].chains[0]
             matched = ((names[0], stroke[0]), (names[1], stroke[1]))

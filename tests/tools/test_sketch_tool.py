@@ -353,3 +353,20 @@ def test_the_pressure_of_a_pen_is_harmless(context: HeadlessContext) -> None:
     for kind, at, *_ in along(way_of(context, "left brow", dy=-8.0)):
         context.toolbox.dispatch(PointerEvent(kind, at, "left", pressure=0.0))
     assert features(context) == ["left brow"]
+
+
+def test_all_strokes_wait_in_order_whatever_tool_is_chosen(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    ready: list[bool] = []
+    tool.preparing = lambda: not ready
+    for feature in ("left brow", "right brow", "outer lower lip"):
+        context.follow(way_of(context, feature, dy=-8.0 if "brow" in feature else 4.0))
+    assert len(tool.waiting) == 3
+    assert tool.step_back()
+    assert len(tool.waiting) == 2, "undo removes the last one"
+    context.toolbox.choose("point")
+    assert len(tool.waiting) == 2, "another tool leaves them"
+    ready.append(True)
+    while tool.advance(context):
+        context.session.poll()
+    assert features(context) == ["left brow", "right brow"]
