@@ -67,6 +67,7 @@ def run(options: argparse.Namespace) -> int:
     if is_drawing:
         return _run_drawing(options)
     from faceposer.cli.opening import open_with_remark
+    from faceposer.files.writing import write_json
     from faceposer.session.report import sketch_report
     from faceposer.session.sketch_strokes import add_strokes
     from faceposer.sketch.strokes_file import read_strokes
@@ -101,6 +102,7 @@ def run(options: argparse.Namespace) -> int:
 def _run_drawing(options: argparse.Namespace) -> int:
     """Pose the face by a drawing."""
     from faceposer.cli.opening import open_with_remark
+    from faceposer.files.writing import write_json
     from faceposer.model.framing import face_view
     from faceposer.session.drawings import Relative, add_sketches, drawing_report, read_drawing
     from faceposer.solve.camera_io import read_camera

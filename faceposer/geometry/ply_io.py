@@ -154,7 +154,7 @@ def _numbers(text: bytes) -> NDArray[np.float64]:
             pass
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            [plain_float(word) for word in line.decode("latin-1").split()]
+            [plain_float(word.decode("latin-1")) for word in line.split()]
         except ValueError as error:
             raise ValueError(f"line {number} after its header has a value that is not a number") from error
     return np.array(text.split(), dtype=np.float64)

@@ -82,7 +82,7 @@ def test_displacements_that_no_face_has_are_refused() -> None:
     with pytest.raises(FacePoserError, match=r"its displacements are about \d+ times those of a face .* unit"):
         imported(replace(rig, targets={name: 20.0 * offsets for name, offsets in rig.targets.items()}))
     with pytest.raises(
-        FacePoserError, match=r"its shape jawOpen moves vertices by \d+ cm, 1\d\d times as far|moves vertices by 430 cm"
+        FacePoserError, match=r"its shape jawOpen moves vertices by \d+ cm, \d+ times as far|moves vertices by 430 cm"
     ):
         imported(replace(rig, targets={**rig.targets, "jawOpen": 100.0 * rig.targets["jawOpen"]}))
 
