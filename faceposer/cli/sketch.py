@@ -9,7 +9,6 @@ from faceposer.cli.arguments import add_spread
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, article, printable
 from faceposer.files.atomic import check_distinct, check_not_input, check_output
-from faceposer.files.writing import write_json
 
 NAME = "sketch"
 # Size of the view into which drawings are aligned, in pixels.
