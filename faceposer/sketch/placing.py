@@ -23,10 +23,11 @@ _DEVIATION, _SURE = 0.033, 0.99
 
 def placed_points(
     found: Evidence, index: int, stroke: DrawnStroke, samples: Array, hand: HandModel
-) -> tuple[MatchedPoint, ...]:
-    """Return the feature points of line ``index`` on ``stroke``.
+) -> tuple[tuple[MatchedPoint, ...], float]:
+    """Return the feature points of line ``index`` on ``stroke``, and its mean distance from the most probable curve.
 
-    The curve is linearised again at the most probable pose, where intervals are compared on a finer grid.
+    The curve is linearised again at the most probable pose, where intervals are compared on a finer grid. The
+    distance is in units of the hand.
     """
     row, direction = found.best(index)
     posterior = found.posterior(index, row, direction)
@@ -61,7 +62,16 @@ def placed_points(
             at = (1.0 - place if direction else place) * lengths[-1]
             u, v = at_lengths(points, lengths, [at])[0].tolist()
             matched[names[knot]] = MatchedPoint(names[knot], (u, v), sure)
-    return tuple(matched.values())
+    return tuple(matched.values()), _mean_distance(samples, line)
+
+
+def _mean_distance(points: Array, line: Array) -> float:
+    """Return the mean distance of ``points``, shape (n, 2), from a polyline, shape (m, 2)."""
+    begins, steps = line[:-1], np.diff(line, axis=0)
+    offsets = points[:, None] - begins
+    share = (offsets * steps).sum(axis=-1) / np.maximum((steps * steps).sum(axis=-1), 1e-12)
+    offsets -= np.clip(share, 0.0, 1.0)[..., None] * steps
+    return float(np.sqrt((offsets * offsets).sum(axis=-1).min(axis=1)).mean())
 
 
 def _share(knot: float, begin: float, end: float, closed: bool) -> float | None:

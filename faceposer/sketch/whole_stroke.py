@@ -12,6 +12,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.curve_density import (
+    FACE_SIZE,
     FeatureRows,
     PoseMixture,
     ViewedCurves,
@@ -19,13 +20,14 @@ from faceposer.sketch.curve_density import (
     visibility,
 )
 from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
+from faceposer.sketch.habits import Habits, family_of, habits_of
 from faceposer.sketch.hand import SAMPLES, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
 from faceposer.sketch.placing import placed_points
 from faceposer.sketch.plausibility import objection
 from faceposer.sketch.polyline import evenly, lengths_along, stroke_line, untidiness
-from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
+from faceposer.sketch.recognition import Candidate, DrawnStroke, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 
 Array = NDArray[np.float64]
@@ -84,8 +86,11 @@ _HOPELESS, _NO_FINALIST = 40.0, 60.0
 _PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
 # Number of matched points by which a feature is recognised, and the share of its length that replaces the second one.
 _LEAST_MATCHED, _LEAST_COVERED = 2, 0.38
-# Candidates below this probability are omitted, and those after the first three.
-_LEAST, _MOST_CANDIDATES = 1e-3, 3
+# Mean distance of a stroke from the most probable curve beyond which it is no drawing of it, in units of the hand; that
+# of closed strokes is greater, since nothing else looks like them.
+_FARTHEST, _FARTHEST_CLOSED = 0.03 * FACE_SIZE, 0.05 * FACE_SIZE
+# Candidates below this probability are omitted unless they lie close to the likeliest, and those after the first five.
+_LEAST, _MOST_CANDIDATES = 0.01, 5
 
 
 class WholeStrokeRecogniser:
@@ -130,7 +135,10 @@ class WholeStrokeRecogniser:
             names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
         drawn = {other.feature for other in others if other.feature is not None}
         found = self._found(names, drawn, samples, np.asarray(pose, dtype=np.float64), others, camera)
-        return self._decided(stroke, samples, found, drawn, feature)
+        habits = habits_of(
+            self._rows, np.asarray(pose, dtype=np.float64), camera, hand_unit(self._rows, camera), samples, drawn
+        )
+        return self._decided(stroke, samples, found, drawn, habits, feature)
 
     def _found(
         self,
@@ -216,15 +224,13 @@ class WholeStrokeRecogniser:
         means = (density.means + share * information) @ tempered
         return density.updated(share * posterior.log_likelihood, means, tempered)
 
-    def _placed(self, found: tuple[Evidence, int], stroke: DrawnStroke, samples: Array) -> tuple[MatchedPoint, ...]:
-        return placed_points(found[0], found[1], stroke, samples, self.tuning.hand)
-
     def _decided(
         self,
         stroke: DrawnStroke,
         samples: Array,
         found: Sequence[tuple[Evidence, int]],
         drawn: set[str],
+        habits: Habits,
         feature: str | None,
     ) -> Recognition:
         """Return the posterior over features and strokes that depict none."""
@@ -237,9 +243,12 @@ class WholeStrokeRecogniser:
         winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
         untidy = _beyond(winding, *_WINDING) + _beyond(trembling, *_TREMBLING)
         for i, (part, index) in enumerate(found):
+            logs[i] += habits.log_priors.get(names[i], 0.0)
             if totals[i] < totals.max() - _HOPELESS:
                 continue
-            logs[i] += log_openness(self._rows, part, index) / tuning.temperature
+            # A line drawn where the mouth is closed is of a closed mouth, whatever pose is nearest to its ends.
+            apart = 1.0 - habits.on_line if names[i] == "mouth line" else 1.0
+            logs[i] += apart * log_openness(self._rows, part, index) / tuning.temperature
             logs[i] += np.log(max(seen[names[i]], tuning.unseen))
             if names[i] == "mouth line":
                 logs[i] += np.log(tuning.line)
@@ -263,19 +272,22 @@ class WholeStrokeRecogniser:
         shares = np.exp(logs - top)
         nothing = float(np.exp(scribble - top))
         probabilities = shares / (shares.sum() + nothing)
-        order = [i for i in np.argsort(-probabilities) if probabilities[i] >= _LEAST]
+        ranked = np.argsort(-logs)
+        near = {near for i in ranked[:1] for near in family_of(names[i])}
+        order = [i for i in ranked if probabilities[i] >= _LEAST or names[i] in near]
+        shown = order[:_MOST_CANDIDATES]
+        placed = [placed_points(found[i][0], found[i][1], stroke, samples, tuning.hand) for i in shown]
         candidates = tuple(
-            Candidate(
-                names[i],
-                float(min(probabilities[i], 1.0)),
-                self._placed(found[i], stroke, samples),
-            )
-            for i in order[:_MOST_CANDIDATES]
+            Candidate(names[i], float(min(probabilities[i], 1.0)), points)
+            for i, (points, _) in zip(shown, placed, strict=True)
         )
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
         if accepted and len(candidates[0].points) < _LEAST_MATCHED:
             accepted = bool(covered[order[0]] >= _LEAST_COVERED and candidates[0].points)
+        if accepted and feature is None:
+            closed = FEATURES[names[order[0]]].closed
+            accepted = placed[0][1] < (_FARTHEST_CLOSED if closed else _FARTHEST)
         return Recognition(candidates, accepted)
 
 
