@@ -18,10 +18,13 @@ class Feature:
     Attributes:
         tab: Title and tooltip of the tab in the side panel, or None for no tab.
         tool_name: Name of the tool for which the feature draws the options, or "".
+        options_in_tab: True if the options of the tools of other features, and the constraints, are shown in its tab,
+            because one draws over what the tab is about.
     """
 
     tab: tuple[str, str] | None = None
     tool_name: str = ""
+    options_in_tab: bool = False
 
     def __init__(self, context: EditorContext) -> None:
         self.context = context

@@ -58,6 +58,7 @@ class PhotoFeature(Feature):
     """The tab "Photo", and the photo in the view."""
 
     tab = ("Photo", "Pose the face from a photo, aligned by pins")
+    options_in_tab = True
 
     def __init__(self, context: EditorContext) -> None:
         """Serve ``context``; photos are read when they are first shown."""
