@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 
@@ -112,6 +112,6 @@ def drawable_features(character: Character) -> list[str]:
 
 @lru_cache(maxsize=8)
 def drawable_points(character: Character) -> SurfacePoints:
-    """Return the feature points of the features that can be drawn on ``character``."""
-    names = {name for feature in drawable_features(character) for name in FEATURES[feature].points}
-    return SurfacePoints.at_vertices([character.feature_points[name] for name in sorted(names)])
+    """Return points along the features that can be drawn on ``character``."""
+    chains = [curve.points for curves in feature_curves(character).values() for curve in curves]
+    return reduce(SurfacePoints.joined, chains)

@@ -15,7 +15,7 @@ from faceposer.solve.constraints.stroke import as_pixels
 # Distance in pixels at normal density from which the gap between a matched point and its point of the face is drawn.
 _VISIBLE_GAP = 2.5
 # Least distance of the knobs, in their radii: those of the points of a cupid's bow would cover the stroke.
-_KNOBS_APART = 4.0
+_KNOBS_APART = 6.0
 
 
 @dataclass(frozen=True)
