@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 # Most distances outwards and rows up or down that are tried, and what a row costs in pixels outwards.
-_OUTWARDS, _ROWS, _ROW_COST = 60, 4, 1.5
+_OUTWARDS, _ROWS, _ROW_COST = 30, 4, 1.5
 
 
 def box_of_name(

@@ -18,10 +18,14 @@ from faceposer.tools.stroke_tool import pixels_in_view
 
 Array = NDArray[np.float64]
 
+# Index, name, line, colour and opacity.
+_Named = tuple[int, str, Array, Colour, float]
 #: Name of the stroke that depicts no feature.
 NO_FEATURE = "no feature"
 # At normal density: margins of a name, and its distance from the stroke.
 _PAD_X, _PAD_Y, _GAP = 5.0, 2.0, 9.0
+# Of the points along features, one in so many is an obstacle; strokes have one in so many pixels.
+_EVERY, _STEP = 4, 5.0
 # Distance from the pointer, at normal density, from which names fade while a stroke is drawn, and the least opacity.
 _NEAR, _FADED = 70.0, 0.1
 
@@ -32,6 +36,7 @@ class SketchOverlay:
     def __init__(self, context: EditorContext) -> None:
         """Draw over the view of ``context``."""
         self._context = context
+        self._placed: tuple[object, object, list[Box | None]] = (None, None, [])
 
     def draw(self, draw: imgui.ImDrawList, tool: SketchTool, chosen: bool) -> None:
         """Draw names and unfinished strokes of ``tool``, all of them if it is ``chosen``; record where they are."""
@@ -41,9 +46,8 @@ class SketchOverlay:
         if chosen:
             self._draw_unfinished(painter, tool)
         named = self._named(tool, chosen)
-        obstacles = self._obstacles(line for _, _, line, _, _ in named) if named else np.empty((0, 2))
-        for index, name, line, colour, strength in named:
-            box = self._place(line, name, chosen, obstacles, labels.values())
+        boxes = self._boxes(named, chosen)
+        for (index, name, _, colour, strength), box in zip(named, boxes, strict=True):
             if box is None:
                 continue
             self._draw_name(draw, box, name, colour, strength * self._fading(tool, box, index), chosen)
@@ -60,7 +64,7 @@ class SketchOverlay:
         near = distance_to_box(box, tool.drawing[-1]) / (_NEAR * self._context.viewport.ui_scale)
         return _FADED + (1.0 - _FADED) * min(near, 1.0)
 
-    def _named(self, tool: SketchTool, chosen: bool) -> Sequence[tuple[int, str, Array, Colour, float]]:
+    def _named(self, tool: SketchTool, chosen: bool) -> Sequence[_Named]:
         """Return index, name, line, colour and opacity of what gets a name: unfinished strokes, then from the top."""
         context, found = self._context, []
         if chosen and tool.preview is not None and tool.drawing is not None and tool.drawn_in is not None:
@@ -136,10 +140,24 @@ class SketchOverlay:
         leftwards = float(line[:, 0].mean()) < self._middle - 0.02 * viewport.size[0]
         return box_of_name(line, (width, height), viewport.size, leftwards, obstacles, _GAP * scale, taken)
 
+    def _boxes(self, named: Sequence[_Named], chosen: bool) -> list[Box | None]:
+        """Return the boxes of what is ``named``; they are searched only if strokes, face or view have changed."""
+        viewport, vertices = self._context.viewport, self._context.scene.vertices
+        strokes = tuple((index, name, line.tobytes()) for index, name, line, _, _ in named)
+        key = (strokes, chosen, viewport.view, viewport.size, viewport.ui_scale)
+        if key != self._placed[0] or vertices is not self._placed[1]:
+            obstacles = self._obstacles(line for _, _, line, _, _ in named) if named else np.empty((0, 2))
+            boxes: list[Box | None] = []
+            for _, name, line, _, _ in named:
+                taken = [box for box in boxes if box is not None]
+                boxes.append(self._place(line, name, chosen, obstacles, taken))
+            self._placed = (key, vertices, boxes)
+        return self._placed[2]
+
     def _obstacles(self, lines: Iterable[Array]) -> Array:
         """Return points of ``lines`` and of all features on the face in the view, which names keep off, (m, 2)."""
         model = self._context.session.model
-        features = drawable_points(model.character).positions(self._context.scene.vertices, model.triangles)
+        features = drawable_points(model.character).positions(self._context.scene.vertices, model.triangles)[::_EVERY]
         return np.vstack([self._context.viewport.camera.project(features), *(_dense(line) for line in lines)])
 
     @property
@@ -175,8 +193,10 @@ class SketchOverlay:
 
 
 def _dense(line: Array) -> Array:
-    """Return points of ``line``, shape (m, 2), a few pixels apart, of strokes with few points too."""
-    return np.vstack([line[:-1] + share * np.diff(line, axis=0) for share in (0.0, 0.25, 0.5, 0.75)] + [line[-1:]])
+    """Return points of ``line``, shape (m, 2), a few pixels apart."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    at = np.arange(0.0, along[-1] + _STEP, _STEP)
+    return np.stack([np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])], axis=1)
 
 
 # Index under which the name of an unfinished stroke is placed; it cannot be clicked.
