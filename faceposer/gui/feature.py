@@ -18,16 +18,18 @@ class Feature:
     Attributes:
         tab: Title and tooltip of the tab in the side panel, or None for no tab.
         tool_name: Name of the tool for which the feature draws the options, or "".
-        options_in_tab: True if the options of the tools of other features, and the constraints, are shown in its tab,
-            because one draws over what the tab is about.
     """
 
     tab: tuple[str, str] | None = None
     tool_name: str = ""
-    options_in_tab: bool = False
 
     def __init__(self, context: EditorContext) -> None:
         self.context = context
+
+    @property
+    def options_in_tab(self) -> bool:
+        """True if the options of the tool *Sketch* and the constraints are shown in the tab, too."""
+        return False
 
     @property
     def patience(self) -> float:

@@ -138,6 +138,7 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
             if feature.options_in_tab and context.toolbox.chosen is context.toolbox.sketch_tool:
                 context.features.draw_tool_options(context.toolbox.chosen.name)
                 context.constraints_panel.draw(context)
+                imgui.separator()
             feature.draw_tab()
 
         return draw

@@ -1,11 +1,14 @@
 """Sketches at the window, by pointer and keys alone, with the real recogniser."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from faceposer.gui.events import Drop
 from faceposer.gui.features.sketch.feature import SketchFeature
 from faceposer.gui.features.sketch.name_places import box_of_name, distance_to_box
 from faceposer.gui.overlays.marks.sketch import apart
@@ -222,11 +225,17 @@ def test_another_character_keeps_the_tool(robot: Robot) -> None:
     assert features(robot) == ["left brow"]
 
 
-def test_sketching_over_a_photo_has_its_options_in_the_tab(robot: Robot) -> None:
+def test_sketching_over_a_photo_has_its_options_in_the_tab(robot: Robot, tmp_path: Path) -> None:
+    robot.draw(way_of(robot, "left brow", -10.0))
     robot.click_widget("tab:Photo")
     robot.frames(2)
-    robot.draw(way_of(robot, "left brow", -10.0))
-    robot.frames(2)
+    assert "sketch-method:1" not in robot.app.widget_rects, "the tab begins with the photo to open"
+    Image.fromarray(np.full((60, 80, 3), 90, dtype=np.uint8)).save(tmp_path / "one.png")
+    robot.app.window.play_event(Drop((str(tmp_path / "one.png"),)))
+    robot.frames(3)
+    robot.key("E")
+    robot.click_widget("tab:Photo")
+    robot.frames(3)
     assert {"sketch-method:1", "point:0", "detail:feature"} <= set(robot.app.widget_rects)
     robot.key("Q")
     robot.frames(2)

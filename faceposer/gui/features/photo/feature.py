@@ -58,7 +58,6 @@ class PhotoFeature(Feature):
     """The tab "Photo", and the photo in the view."""
 
     tab = ("Photo", "Pose the face from a photo, aligned by pins")
-    options_in_tab = True
 
     def __init__(self, context: EditorContext) -> None:
         """Serve ``context``; photos are read when they are first shown."""
@@ -77,6 +76,11 @@ class PhotoFeature(Feature):
     def photos(self) -> tuple[Photo, ...]:
         """The photos of the session."""
         return self.context.session.document.photos
+
+    @property
+    def options_in_tab(self) -> bool:
+        """True with a photo: the tools then draw over it."""
+        return bool(self.photos)
 
     @property
     def tool(self) -> PhotoTool:

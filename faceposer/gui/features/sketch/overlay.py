@@ -11,6 +11,7 @@ from faceposer.gui.features.sketch.name_places import box_of_name, distance_to_b
 from faceposer.gui.overlays.marks.sketch import SketchMark
 from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.widgets.theme import EDGE, FAINT, INK, RAISED_MORE, TARGET, WARNING, Colour, Icon, u32
+from faceposer.model.feature_curves import feature_curves
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.sketch_edits import drawable_points
 from faceposer.tools.sketch_tool import UNNAMED, Box, SketchTool
@@ -26,6 +27,8 @@ NO_FEATURE = "no feature"
 _PAD_X, _PAD_Y, _GAP = 5.0, 2.0, 9.0
 # Of the points along features, one in so many is an obstacle; strokes have one in so many pixels.
 _EVERY, _STEP = 4, 5.0
+# Height at normal density above and below a feature that its name keeps off.
+_ROOM = 24.0
 # Distance from the pointer, at normal density, from which names fade while a stroke is drawn, and the least opacity.
 _NEAR, _FADED = 70.0, 0.1
 
@@ -140,6 +143,20 @@ class SketchOverlay:
         leftwards = float(line[:, 0].mean()) < self._middle - 0.02 * viewport.size[0]
         return box_of_name(line, (width, height), viewport.size, leftwards, obstacles, _GAP * scale, taken)
 
+    def _room(self, name: str) -> list[Array]:
+        """Return points above and below the feature ``name``, where its other pieces may be drawn."""
+        context = self._context
+        curves = feature_curves(context.session.model.character).get(name, ())
+        gap = _ROOM * context.viewport.ui_scale
+        return [
+            context.viewport.camera.project(
+                curve.points.positions(context.scene.vertices, context.session.model.triangles)[::_EVERY]
+            )
+            + (0.0, share * gap)
+            for curve in curves
+            for share in (-1.0, -0.5, 0.5, 1.0)
+        ]
+
     def _boxes(self, named: Sequence[_Named], chosen: bool) -> list[Box | None]:
         """Return the boxes of what is ``named``; they are searched only if strokes, face or view have changed."""
         viewport, vertices = self._context.viewport, self._context.scene.vertices
@@ -150,7 +167,7 @@ class SketchOverlay:
             boxes: list[Box | None] = []
             for _, name, line, _, _ in named:
                 taken = [box for box in boxes if box is not None]
-                boxes.append(self._place(line, name, chosen, obstacles, taken))
+                boxes.append(self._place(line, name, chosen, np.vstack([obstacles, *self._room(name)]), taken))
             self._placed = (key, vertices, boxes)
         return self._placed[2]
 
