@@ -31,7 +31,7 @@ _LINE, _LINE_AFTER_LIPS, _INNER = 14.0, 4.0, -2.0
 # such a stroke as a share of its length; its widths, as shares of that of the mouth or the eye.
 _LOOP, _CLOSED, _LOOP_SPANS = 80.0, 0.12, (0.6, 1.35)
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
-_LOWER_LID = 1.6
+_LOWER_LID = 1.3
 # Share of the way from the line of the mouth to the lower and to the upper edge of the lips up to which a stroke is on
 # the line, and from which it is not; least height of a lip, in units of the hand.
 _LOWER, _UPPER, _LEAST_LIP = (0.45, 0.65), (0.25, 0.5), 14.0
