@@ -17,7 +17,6 @@ from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
 from faceposer.tools.sketch_edits import (
     depicting,
-    drawable_features,
     drawn_stroke,
     drawn_strokes,
     with_feature,
