@@ -109,3 +109,8 @@ def drawable_points(character: Character) -> SurfacePoints:
     """Return points along the features that can be drawn on ``character``."""
     chains = [curve.points for curves in feature_curves(character).values() for curve in curves]
     return reduce(SurfacePoints.joined, chains)
+
+
+def inside(box: tuple[float, float, float, float] | None, position: tuple[float, float]) -> bool:
+    """Return True if ``position`` is in the ``box`` of left, top, right and bottom."""
+    return box is not None and box[0] <= position[0] < box[2] and box[1] <= position[1] < box[3]

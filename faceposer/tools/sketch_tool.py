@@ -19,6 +19,7 @@ from faceposer.tools.sketch_edits import (
     depicting,
     drawn_stroke,
     drawn_strokes,
+    inside,
     with_feature,
     with_sketch,
 )
@@ -96,7 +97,7 @@ class SketchTool(PosingTool):
         for i in reversed(range(len(constraints))):
             sketch = constraints[i]
             if isinstance(sketch, SketchConstraint) and i not in context.unmarked:
-                if _inside(self.labels.get(i), position):
+                if inside(self.labels.get(i), position):
                     return i
                 seen = pixels_in_view(sketch.stroke, sketch.camera, context.camera)
                 if seen is not None and distance_to_line(position, seen) <= _REACH * context.ui_scale:
@@ -110,7 +111,7 @@ class SketchTool(PosingTool):
         stroke = self.unnamed.stroke
         seen = pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.camera)
         near = seen is not None and distance_to_line(position, seen) <= _REACH * context.ui_scale
-        return near or _inside(self.labels.get(UNNAMED), position)
+        return near or inside(self.labels.get(UNNAMED), position)
 
     def leave_behind(self, context: ToolContext) -> bool:
         """Discard the unnamed stroke if the view was turned, where it is not shown; return True if there was one."""
@@ -190,7 +191,7 @@ class SketchTool(PosingTool):
 
     def _click(self, position: Pixel, context: ToolContext) -> None:
         """Choose the next feature of the stroke at ``position``; if there is no other, ask for the list of features."""
-        self.listing = next((i for i, box in self.lists.items() if _inside(box, position)), None)
+        self.listing = next((i for i, box in self.lists.items() if inside(box, position)), None)
         if self.listing is not None:
             return
         index = self.sketch_at(position, context)
@@ -393,10 +394,6 @@ class SketchTool(PosingTool):
 def _drawn_in(sketch: SketchConstraint, context: ToolContext) -> bool:
     """Return True if the view is the one in which ``sketch`` was drawn."""
     return sketch.camera.same_viewpoint(context.camera)
-
-
-def _inside(box: Box | None, position: Pixel) -> bool:
-    return box is not None and box[0] <= position[0] < box[2] and box[1] <= position[1] < box[3]
 
 
 def _length(path: list[Pixel]) -> float:

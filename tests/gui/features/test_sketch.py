@@ -178,7 +178,7 @@ def test_names_follow_the_turned_view(robot: Robot) -> None:
 def test_names_keep_off_the_features(robot: Robot) -> None:
     app = robot.app
     way = way_of(robot, "left brow", -10.0)
-    inner, outer = sorted([way[: len(way) // 2], way[len(way) // 2 :]], key=lambda part: part[0][0])
+    inner, outer = sorted([way[: len(way) // 2], way[2 * len(way) // 5 :]], key=lambda part: part[0][0])
     robot.draw(inner)
     assert features(robot) == ["left brow"]
     left, top, right, bottom = app.widget_rects["sketch:0:label"]
