@@ -145,6 +145,19 @@ class FeatureCurve:
         return np.searchsorted(self.parameters, np.arange(len(self.names)) - 1e-9).astype(np.intp)
 
 
+def drawable_features(character: Character) -> list[str]:
+    """Return the names of the features whose points the ``character`` has, not all at one place, in a fixed order."""
+    known = character.feature_points
+    if not character.height > 0.0:
+        return []
+    return [
+        feature.name
+        for feature in FEATURES.values()
+        if all(name in known for name in feature.points)
+        and np.ptp(character.vertices[[known[name] for name in feature.points]], axis=0).any()
+    ]
+
+
 @lru_cache(maxsize=8)
 def feature_curves(character: Character) -> Mapping[str, tuple[FeatureCurve, ...]]:
     """Return the curves of all features whose feature points the ``character`` has, by name, one per chain."""
@@ -259,9 +272,9 @@ def _even(line: Array, spacing: float) -> tuple[Array, Array]:
     """Return points about ``spacing`` apart on the polyline ``line``, (n, 3), with their shares of its length, (m,)."""
     steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
-    share = np.linspace(0.0, 1.0, max(4, round(along[-1] / spacing) + 1))
     if not along[-1] > 0.0:
         # Feature points may coincide.
-        return np.repeat(line[:1], len(share), axis=0), share
+        return np.repeat(line[:1], 4, axis=0), np.linspace(0.0, 1.0, 4)
+    share = np.linspace(0.0, 1.0, max(4, round(along[-1] / spacing) + 1))
     places = np.stack([np.interp(share * along[-1], along, axis) for axis in line.T], axis=1)
     return places, share

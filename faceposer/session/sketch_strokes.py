@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from faceposer.errors import FacePoserError
 from faceposer.model.character import Character
-from faceposer.model.feature_curves import FEATURES
+from faceposer.model.feature_curves import drawable_features
 from faceposer.progress import Progress
 from faceposer.session.effort import check_effort, check_room
 from faceposer.session.session import Session
@@ -81,9 +81,8 @@ def add_strokes(
 
 def _check_drawable(character: Character) -> None:
     """Raise a FacePoserError if the ``character`` has no feature that can be drawn."""
-    known = character.feature_points
-    if not any(all(name in known for name in feature.points) for feature in FEATURES.values()):
+    if not drawable_features(character):
         raise FacePoserError(
-            f"No feature can be drawn on '{character.title}', since it lacks the feature points of each; train it "
-            "again with ARKit's shape names, from which feature points are found."
+            f"No feature can be drawn on '{character.title}', since it lacks feature points of each, or they coincide; "
+            "train it again with ARKit's shape names, from which feature points are found."
         )

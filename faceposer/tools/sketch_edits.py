@@ -10,7 +10,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.feature_curves import FEATURES, feature_curves
+from faceposer.model.feature_curves import FEATURES, drawable_features, feature_curves
 from faceposer.model.framing import face_view
 from faceposer.session.document import Document
 from faceposer.session.session import Session
@@ -102,12 +102,6 @@ def prepare_recognition(model: FaceModel) -> None:
         if best is not None:
             sketch_of(stroke, best).resolved(model, model.neutral())
             return
-
-
-def drawable_features(character: Character) -> list[str]:
-    """Return the names of the features that can be drawn on ``character``, in a fixed order."""
-    known = character.feature_points
-    return [feature.name for feature in FEATURES.values() if all(name in known for name in feature.points)]
 
 
 @lru_cache(maxsize=8)

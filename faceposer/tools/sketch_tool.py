@@ -9,6 +9,7 @@ import numpy as np
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
+from faceposer.model.feature_curves import drawable_features
 from faceposer.session.sketching import session_sketcher, sketch_of
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
@@ -16,7 +17,6 @@ from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
 from faceposer.tools.sketch_edits import (
     depicting,
-    drawable_features,
     drawable_points,
     drawn_stroke,
     drawn_strokes,

@@ -437,3 +437,15 @@ def test_what_was_assumed_of_an_animation_is_a_warning(tmp_path: Path) -> None:
     with pytest.warns(FacePoserWarning, match="30 frames per second were assumed"):
         assert face.follow(tmp_path / "c.csv").rate == 30.0
     assert face.follow(tmp_path / "c.csv", rate=24.0).rate == 24.0
+
+
+def test_a_key_holds_the_solved_pose() -> None:
+    keyed, solved = faceposer.load("man"), faceposer.load("man")
+    for face in (keyed, solved):
+        u, v = face.pixel("left mouth corner")
+        face.drag("left mouth corner", to=(u + 30, v - 30))
+    solved.solve()
+    keyed.set_key(0)
+    assert keyed.performance is not None
+    assert np.abs(keyed.coefficients).max() > 1e-3
+    np.testing.assert_allclose(keyed.coefficients, solved.coefficients, atol=1e-9)

@@ -1,6 +1,7 @@
 """``faceposer sketch``: strokes become features of a face, a session and a report, or one sentence says why not."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from faceposer.geometry.camera import Camera, OrbitView
+from faceposer.model.character_file import save_character
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document, read_document, write_document
 from faceposer.solve.constraints import codec
@@ -267,3 +269,13 @@ def test_sessions_without_room_are_refused_before_the_work(
     assert status == 2
     assert "has 198 strokes, curves and sketches, and 3 would be added" in err
     assert "Undo" not in err
+
+
+def test_characters_without_features_are_refused(
+    man: FaceModel, strokes: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    character = replace(man.character, feature_points={}, feature_titles={})
+    save_character(tmp_path / "blank.npz", character)
+    status, _, err = run_captured(capsys, "sketch", tmp_path / "blank.npz", strokes, "-o", tmp_path / "out.json")
+    assert status == 2
+    assert "No feature can be drawn on" in err

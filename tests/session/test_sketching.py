@@ -18,12 +18,14 @@ from faceposer.session.sketching import (
     drawn_strokes,
     library_poses,
     pose_problem,
+    prior_of,
     session_sketcher,
     solver_input,
 )
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.solve.map_solver import solve
 
 
 def brow(model: FaceModel, lifted: float, feature: str = "left brow") -> SketchConstraint:
@@ -126,3 +128,11 @@ def test_the_sketcher_learns_from_the_library(man: FaceModel, creature: FaceMode
     training = session_sketcher(man).training.coefficients
     assert all(np.abs(training - pose).max(axis=1).min() < 1e-12 for pose in poses)
     assert session_sketcher(creature).training.coefficients.shape[1] == creature.n_coefficients
+
+
+def test_the_plain_prior_starts_from_the_face_of_the_paper(man: FaceModel, paper: PaperStub) -> None:
+    document = Document("man", (brow(man, 12.0),), sketch_method="paper", prior="plain").resolved(man)
+    assert prior_of(document) == "regions"
+    assert prior_of(replace(document, sketch_method="map")) == "plain"
+    start = man.coefficients_of({"browInnerUp": 0.3})
+    np.testing.assert_allclose(solve(pose_problem(man, document)).coefficients, start, atol=1e-6)

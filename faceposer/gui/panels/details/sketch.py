@@ -10,9 +10,9 @@ from faceposer.gui.widgets.basic import disabled
 from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.theme import FAINT, em
 from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.model.feature_curves import drawable_features
 from faceposer.sketch.recognition import Candidate
 from faceposer.solve.constraints.sketch import SketchConstraint
-from faceposer.tools.sketch_edits import drawable_features
 from faceposer.tools.sketch_tool import UNNAMED
 
 # Least probability that is shown.
