@@ -23,8 +23,7 @@ class Commands:
 
     def undo(self) -> None:
         """Undo the last step, first that of the tool's pending work."""
-        if not self._context.toolbox.step_back():
-            self._context.session.undo()
+        self._context.toolbox.undo()
 
     def redo(self) -> None:
         """Redo the last undone step."""

@@ -134,7 +134,10 @@ class Editor:
         self.session = self.viewport.session = session
         session.mode = self._mode
         self.scene.set_model(session.model)
+        chosen = self.toolbox.chosen
         self.toolbox = Toolbox(self.viewport, self.toolbox.tool_settings)
+        if chosen.name in (tool.name for tool in self.toolbox.usable_tools):
+            self.toolbox.choose(chosen.name)
         self.drawn_constraints = self._new_drawn_constraints(session)
         self.comparing = False
         camera = session.document.camera

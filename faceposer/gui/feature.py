@@ -27,6 +27,11 @@ class Feature:
         self.context = context
 
     @property
+    def options_in_tab(self) -> bool:
+        """True if the options of the tool *Sketch* and the constraints are shown in the tab, too."""
+        return False
+
+    @property
     def patience(self) -> float:
         """Seconds for which the loop may sleep without an event."""
         return math.inf

@@ -133,7 +133,15 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
     """Return title, content and tooltip of each tab."""
 
     def content(feature: Feature) -> Callable[[Shell], None]:
-        return lambda _context: feature.draw_tab()
+        def draw(context: Shell) -> None:
+            # Above the tab's own content, which may be long.
+            if feature.options_in_tab and context.toolbox.chosen is context.toolbox.sketch_tool:
+                context.features.draw_tool_options(context.toolbox.chosen.name)
+                context.constraints_panel.draw(context)
+                imgui.separator()
+            feature.draw_tab()
+
+        return draw
 
     return [
         ("Pose", _draw_pose_tab, "Solver settings, tool options and constraints"),

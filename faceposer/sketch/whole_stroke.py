@@ -86,6 +86,8 @@ _HOPELESS, _NO_FINALIST = 40.0, 60.0
 _PIECE, _WINDING, _TREMBLING = (0.36, 0.05), (0.08, 0.06), (2.0, 0.5)
 # Number of matched points by which a feature is recognised, and the share of its length that replaces the second one.
 _LEAST_MATCHED, _LEAST_COVERED = 2, 0.38
+# The same shares for a further piece of a feature of which one has been drawn.
+_CONTINUED = 0.2
 # Mean distance of a stroke from the most probable curve beyond which it is no drawing of it, in units of the hand; that
 # of closed strokes is greater, since nothing else looks like them.
 _FARTHEST, _FARTHEST_CLOSED = 0.03 * FACE_SIZE, 0.05 * FACE_SIZE
@@ -257,7 +259,8 @@ class WholeStrokeRecogniser:
             if feature is None:
                 line = part.curves.pixels[names[i]]
                 covered[i] = length / max(float(lengths_along(line)[-1]), 1e-9)
-                logs[i] -= _beyond(-covered[i], -_PIECE[0], _PIECE[1]) + untidy
+                least = _CONTINUED if names[i] in drawn else _PIECE[0]
+                logs[i] -= _beyond(-covered[i], -least, _PIECE[1]) + untidy
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
@@ -284,7 +287,8 @@ class WholeStrokeRecogniser:
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
         if accepted and len(candidates[0].points) < _LEAST_MATCHED:
-            accepted = bool(covered[order[0]] >= _LEAST_COVERED and candidates[0].points)
+            least = _CONTINUED if names[order[0]] in drawn else _LEAST_COVERED
+            accepted = bool(covered[order[0]] >= least and candidates[0].points)
         if accepted and feature is None:
             closed = FEATURES[names[order[0]]].closed
             accepted = placed[0][1] < (_FARTHEST_CLOSED if closed else _FARTHEST)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.model.feature_curves import FEATURES, drawable_features, feature_curves
+from faceposer.model.feature_curves import feature_curves
 from faceposer.model.framing import face_view
 from faceposer.session.document import Document
 from faceposer.session.session import Session
@@ -106,6 +106,6 @@ def prepare_recognition(model: FaceModel) -> None:
 
 @lru_cache(maxsize=8)
 def drawable_points(character: Character) -> SurfacePoints:
-    """Return the feature points of the features that can be drawn on ``character``."""
-    names = {name for feature in drawable_features(character) for name in FEATURES[feature].points}
-    return SurfacePoints.at_vertices([character.feature_points[name] for name in sorted(names)])
+    """Return points along the features that can be drawn on ``character``."""
+    chains = [curve.points for curves in feature_curves(character).values() for curve in curves]
+    return reduce(SurfacePoints.joined, chains)

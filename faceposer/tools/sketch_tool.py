@@ -17,7 +17,6 @@ from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
 from faceposer.tools.sketch_edits import (
     depicting,
-    drawable_points,
     drawn_stroke,
     drawn_strokes,
     with_feature,
@@ -37,8 +36,11 @@ UNNAMED = -1
 UNRECOGNISED = "No feature recognised: nothing has changed"
 # In pixels at normal density: reach of strokes, extent of the largest click, length from which a stroke is previewed.
 _REACH, _CLICK, _PREVIEWED = 7.0, 6.0, 30.0
-# Extent around the features, as a share of theirs, in which a press begins a stroke.
-_AROUND = 0.25
+# Distance beside the head in which a press begins a stroke, in pixels at normal density, and where it is looked for.
+_BESIDE = 24.0
+_RING = np.array(
+    [(r * math.cos(a), r * math.sin(a)) for r in (0.5, 1.0) for a in np.linspace(0.0, 2 * math.pi, 13)[1:]]
+)
 # Seconds that the recognition of an unfinished stroke may take, and its largest share of the time of drawing.
 _FRAME, _PREVIEW_SHARE = 1.0 / 60.0, 0.25
 
@@ -110,15 +112,20 @@ class SketchTool(PosingTool):
         near = seen is not None and distance_to_line(position, seen) <= _REACH * context.ui_scale
         return near or _inside(self.labels.get(UNNAMED), position)
 
+    def leave_behind(self, context: ToolContext) -> bool:
+        """Discard the unnamed stroke if the view was turned, where it is not shown; return True if there was one."""
+        stroke = None if self.unnamed is None else self.unnamed.stroke
+        if stroke is None or pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.camera) is not None:
+            return False
+        self.unnamed = None
+        return True
+
     def works_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Return True if a press at ``position`` draws: on the face and around its features."""
-        session = context.session
-        points = drawable_points(session.model.character)
-        places = session.model.positions_at(points, session.coefficients)
-        pixels = context.camera.project(places)
-        low, high = pixels.min(axis=0), pixels.max(axis=0)
-        margin = _AROUND * float((high - low).max())
-        return bool(np.all(position >= low - margin) and np.all(position <= high + margin))
+        """Return True if a press at ``position`` draws: on the head, also hair and neck, and a little beside it."""
+        if context.pick(position) is not None:
+            return True
+        _, on_head = context.pick_many(np.add(position, _RING * (_BESIDE * context.ui_scale)))
+        return bool(on_head.any())
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Return True if the press ``event`` draws or hits a label, or with Shift moves a sketch."""
@@ -380,7 +387,7 @@ class SketchTool(PosingTool):
             return f"Preparing the recogniser for this character...   ·   Esc: discard the {strokes}"
         if self.unnamed is not None:
             return f"{UNRECOGNISED}   ·   draw it again, or click the stroke to name it   ·   Esc: discard it"
-        return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the face: orbit"
+        return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the head: orbit"
 
 
 def _drawn_in(sketch: SketchConstraint, context: ToolContext) -> bool:

@@ -4,6 +4,7 @@ Gesture: a generator that reads from top to bottom: on press, on move, on releas
 closes it, which rolls back its open edit without any code in the tool.
 """
 
+from collections import OrderedDict
 from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -19,6 +20,9 @@ from faceposer.model.character import Character
 from faceposer.session.session import Session
 from faceposer.solve.constraints.stroke import StrokeEnergy
 from faceposer.tools.symmetry import Symmetry
+
+# Number of removals whose selection undo restores.
+_MOST_REMOVALS = 100
 
 EventKind = Literal["press", "move", "release", "hover", "wheel"]
 Button = Literal["left", "middle", "right"]
@@ -124,6 +128,20 @@ class Selection:
 
     def __init__(self) -> None:
         self.indices: frozenset[int] = frozenset()
+        self._before: OrderedDict[int, tuple[object, frozenset[int]]] = OrderedDict()
+
+    def before_removal(self, constraints: object) -> None:
+        """Keep the selection among ``constraints``, of which some are about to be removed, and deselect."""
+        self._before[id(constraints)] = (constraints, self.indices)
+        while len(self._before) > _MOST_REMOVALS:
+            self._before.popitem(last=False)
+        self.set()
+
+    def return_to(self, constraints: object) -> None:
+        """Select what was selected when some of the same ``constraints`` were removed, after undo."""
+        known, indices = self._before.get(id(constraints), (None, frozenset[int]()))
+        if known is constraints and known is not None:
+            self.indices = indices
 
     def toggle(self, index: int) -> None:
         """Add or remove ``index``."""
@@ -247,7 +265,7 @@ class PosingTool:
 
     def _remove(self, index: int, label: str, context: ToolContext) -> None:
         """Remove constraint ``index`` as the step ``label``, with symmetry also its partner."""
-        self._settings.selection.set()
+        self._settings.selection.before_removal(context.session.document.constraints)
         context.session.remove_constraints(self._settings.symmetry.with_partners(context.session, {index}), label)
 
     def accept(self, context: ToolContext) -> bool:

@@ -227,11 +227,18 @@ class Toolbox:
         chosen = self.tool_settings.symmetry.with_partners(session, chosen)
         nouns = {constraints[i].noun for i in chosen}
         noun = nouns.pop() if len(nouns) == 1 else "constraint"
-        self.tool_settings.selection.set()
+        self.tool_settings.selection.before_removal(constraints)
         article = "an" if noun[0] in "aeiou" else "a"
         label = f"Remove {article} {noun}" if len(chosen) == 1 else f"Remove {len(chosen)} {noun}s"
         session.remove_constraints(chosen, label)
         return True
+
+    def undo(self) -> None:
+        """Revert the last step of the tool's unfinished edit, or else undo, with the selection before a removal."""
+        session = self._context.session
+        if not self.step_back() and session.can_undo:
+            session.undo()
+            self.tool_settings.selection.return_to(session.document.constraints)
 
     @property
     def selects_unlocked(self) -> bool:

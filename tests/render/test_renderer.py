@@ -37,7 +37,8 @@ def test_vertices_appear_where_the_camera_projects_them() -> None:
     rng = np.random.default_rng(0)
     size = (321, 247)
     empty_character_camera = OrbitView((0, 0, 0), distance=60).camera(size)
-    backdrop = render_mesh(np.zeros((3, 3)), [[0, 1, 2]], empty_character_camera, samples=0).astype(int)
+    behind = np.array([[0.0, 0.0, 900.0], [1.0, 0.0, 900.0], [0.0, 1.0, 900.0]])
+    backdrop = render_mesh(behind, [[0, 1, 2]], empty_character_camera, samples=0).astype(int)
     for _ in range(12):
         view = OrbitView((0, 0, 0), rng.uniform(-3, 3), rng.uniform(-1, 1), 60)
         camera = view.camera(size)

@@ -82,8 +82,7 @@ class HeadlessContext:
 
     def undo(self) -> None:
         """Undo as the window does: first what the tool has begun."""
-        if not self.toolbox.step_back():
-            self.session.undo()
+        self.toolbox.undo()
         self.session.poll()
 
     def redo(self) -> None:

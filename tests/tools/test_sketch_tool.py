@@ -324,6 +324,19 @@ def test_where_a_press_draws(context: HeadlessContext) -> None:
     below = shifted(context.feature("2.1"), 0, 12)
     assert context.pick(below) is None or tool.works_at(below, context)
     assert tool.works_at(below, context)
+    jaw = context.feature("2.13")
+    assert tool.works_at(shifted(context.feature("11.1"), 0, -30), context), "hair is a part of the head"
+    assert tool.works_at(shifted(context.feature("2.1"), 0, 90), context), "as is the neck"
+    sides = [shifted(jaw, sign * dx, 0) for sign in (-1, 1) for dx in range(300)]
+    off = [place for place in sides if context.pick(place) is None]
+    on = {place for place in sides if context.pick(place) is not None}
+    assert on
+    distances = {place: min(abs(place[0] - other[0]) for other in on) for place in off}
+    near = [place for place, distance in distances.items() if distance < 10]
+    far = [place for place, distance in distances.items() if distance > 85]
+    assert near
+    assert all(tool.works_at(place, context) for place in near[::4])
+    assert not any(tool.works_at(place, context) for place in far[::20])
     view = context.view
     context.drag((3.0, 3.0), (60.0, 3.0))
     assert context.view != view, "elsewhere, the view turns"
@@ -331,6 +344,31 @@ def test_where_a_press_draws(context: HeadlessContext) -> None:
     context.click(below)
     assert context.constraints == ()
     assert tool.unnamed is None, "a click is no stroke"
+
+
+def test_an_unnamed_stroke_stays_behind_when_the_view_turns(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    context.follow(scribble(context))
+    assert tool.unnamed is not None
+    assert not tool.leave_behind(context)
+    context.drag((3.0, 3.0), (60.0, 3.0))
+    assert tool.leave_behind(context)
+    assert tool.unnamed is None
+    assert not tool.can_step_back
+
+
+def test_undo_selects_what_was_removed(context: HeadlessContext) -> None:
+    for name in ("left brow", "right brow"):
+        context.follow(way_of(context, name, dy=-8.0))
+    context.toolbox.select(0)
+    assert context.toolbox.delete_selected()
+    assert context.toolbox.selection == frozenset()
+    context.undo()
+    assert context.toolbox.selection == {0}
+    context.toolbox.select(1)
+    context.click(context.constraints[0].stroke[15], "right")
+    context.undo()
+    assert context.toolbox.selection == {1}
 
 
 def test_hidden_and_locked_sketches(context: HeadlessContext) -> None:

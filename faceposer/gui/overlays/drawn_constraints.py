@@ -32,6 +32,7 @@ class DrawnConstraints:
         self._busy = busy
         self.names = PointNames(session.model.character)
         self.hidden = HiddenMarks()
+        self._residuals: tuple[tuple[str, ...], tuple[float, ...]] = ((), ())
         self._pins: tuple[object, list[PinMark]] = (None, [])
         self._marks: tuple[object, dict[int | None, Mark]] = (None, {})
         self._conflicts: tuple[object, dict[int, str]] = (None, {})
@@ -47,6 +48,16 @@ class DrawnConstraints:
         if constraints is not self._titles[0]:
             self._titles = (constraints, self.names.all_of(constraints))
         return self._titles[1]
+
+    @property
+    def residuals_px(self) -> tuple[float | None, ...]:
+        """Error of each constraint at the pose solved last, in pixels of its camera; None if it is being solved."""
+        session, constraints = self._session, self._session.document.constraints
+        kinds = tuple(constraint.kind for constraint in constraints)
+        if session.document.solved or not session.solving:
+            self._residuals = (kinds, session.residuals_px)
+        known = dict(enumerate(zip(*self._residuals, strict=True)))
+        return tuple(known[i][1] if i in known and known[i][0] == kind else None for i, kind in enumerate(kinds))
 
     @property
     def pins(self) -> list[PinMark]:

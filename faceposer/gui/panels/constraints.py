@@ -62,14 +62,16 @@ class ConstraintsPanel:
     def _rows(self, context: EditorContext, width: float) -> list[_Row]:
         """Return the rows of a list of ``width``; a name that is too long for one line takes two."""
         rows = []
-        residuals = context.session.residuals_px
+        residuals = context.drawn_constraints.residuals_px
         for i, constraint in enumerate(context.session.document.constraints):
             sign = f"{Icon.CONFLICT} " if i in context.drawn_constraints.conflicts else ""
-            residual_text = f"{sign}{residuals[i]:.1f} px"
+            residual = residuals[i]
+            # Until a new constraint is solved, its residual would be that of a pose that does not know it.
+            residual_text = "" if residual is None else f"{sign}{residual:.1f} px"
             room = width - em(4.0 * _BUTTON + _ICON + 0.5) - text_width(residual_text)
             lines = wrapped(context.point_name(i), room)
             height = len(lines) * imgui.get_text_line_height() + 2.0 * em(_PAD)
-            rows.append(_Row(constraint, lines, residual_text, residuals[i], round(height)))
+            rows.append(_Row(constraint, lines, residual_text, residual or 0.0, round(height)))
         return rows
 
     def _draw_rows(self, context: EditorContext) -> None:

@@ -46,11 +46,9 @@ def _figures(context: EditorContext) -> list[str]:
     session = context.session
     parts = [displayed(session.model.character.title)]
     if session.document.constraints:
-        worst = max(
-            (r for r, c in zip(session.residuals_px, session.document.constraints, strict=True) if c.enabled),
-            default=0.0,
-        )
-        parts.append(f"residual {worst:.1f} px")
+        pairs = zip(context.drawn_constraints.residuals_px, session.document.constraints, strict=True)
+        known = [residual for residual, constraint in pairs if constraint.enabled and residual is not None]
+        parts.append(f"residual {max(known, default=0.0):.1f} px")
     if session.solution is not None:
         parts.append(f"solved in {session.solution.seconds * 1e3:.1f} ms")
     if context.debug:

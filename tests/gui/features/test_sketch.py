@@ -1,11 +1,19 @@
 """Sketches at the window, by pointer and keys alone, with the real recogniser."""
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from faceposer.gui.events import Drop
 from faceposer.gui.features.sketch.feature import SketchFeature
+from faceposer.gui.features.sketch.name_places import box_of_name, distance_to_box
+from faceposer.gui.overlays.marks.sketch import apart
 from faceposer.gui.testing.scripted_user import Position, Robot
+from faceposer.gui.widgets.widget_rects import overlap
 from faceposer.model.feature_curves import feature_curves
 from faceposer.tools.sketch_tool import UNRECOGNISED
 from tests.windows import OpenWindow
@@ -165,6 +173,91 @@ def test_names_follow_the_turned_view(robot: Robot) -> None:
     robot.key("C")
     robot.frames(2)
     assert "sketch:0:label" not in app.widget_rects, "the neutral face has no names"
+
+
+def test_names_keep_off_the_features(robot: Robot) -> None:
+    app = robot.app
+    way = way_of(robot, "left brow", -10.0)
+    inner, outer = sorted([way[: len(way) // 2], way[len(way) // 2 :]], key=lambda part: part[0][0])
+    robot.draw(inner)
+    assert features(robot) == ["left brow"]
+    left, top, right, bottom = app.widget_rects["sketch:0:label"]
+    brow = np.array(way_of(robot, "left brow"))
+    covered = (brow[:, 0] > left) & (brow[:, 0] < right) & (brow[:, 1] > top) & (brow[:, 1] < bottom)
+    assert not covered.any(), "the other half can be drawn"
+    robot.draw(outer)
+    assert features(robot) == ["left brow", "left brow"]
+    labels = [name for name in app.widget_rects if name.startswith("sketch:") and name.endswith(":label")]
+    assert len(labels) == 1, "a feature has one name"
+    robot.draw(way_of(robot, "left upper lid", -3.0))
+    robot.draw(way_of(robot, "left lower lid", 2.0))
+    names = [name for name in app.widget_rects if name.startswith("sketch:") and name.endswith(":label")]
+    boxes = [app.widget_rects[name] for name in names]
+    assert len(boxes) == 3
+    assert not any(overlap(a, b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_a_name_with_no_free_place_is_shown() -> None:
+    line = np.array([(40.0, 50.0), (60.0, 50.0)])
+    everywhere = np.stack(np.meshgrid(np.arange(0.0, 100.0, 4.0), np.arange(0.0, 100.0, 4.0)), axis=-1).reshape(-1, 2)
+    box = box_of_name(line, (30.0, 10.0), (100.0, 100.0), False, everywhere, 5.0, [(0.0, 0.0, 100.0, 100.0)])
+    assert box is not None
+    assert 0.0 <= box[0] < box[2] <= 100.0
+    assert 0.0 <= box[1] < box[3] <= 100.0
+    assert box_of_name(line + 90.0, (30.0, 10.0), (100.0, 100.0), False, everywhere, 5.0, []) is None
+    assert distance_to_box((0.0, 0.0, 10.0, 10.0), (13.0, 14.0)) == pytest.approx(5.0)
+
+
+def test_knobs_do_not_cover_each_other() -> None:
+    places = np.array([(0.0, 0.0), (20.0, 0.0), (23.0, 0.0), (26.0, 0.0), (50.0, 0.0)])
+    assert apart(places, 6.0)[:, 0].tolist() == [0.0, 20.0, 26.0, 50.0]
+    assert len(apart(places[:1], 6.0)) == 1
+    assert len(apart(places[:0], 6.0)) == 0
+
+
+def test_another_character_keeps_the_tool(robot: Robot) -> None:
+    app = robot.app
+    app.open_file("woman")
+    robot.frames(3)
+    assert app.session.model.character.name == "woman"
+    assert app.toolbox.chosen is app.toolbox.sketch_tool
+    robot.draw(way_of(robot, "left brow", -10.0))
+    assert features(robot) == ["left brow"]
+
+
+def test_sketching_over_a_photo_has_its_options_in_the_tab(robot: Robot, tmp_path: Path) -> None:
+    robot.draw(way_of(robot, "left brow", -10.0))
+    robot.click_widget("tab:Photo")
+    robot.frames(2)
+    assert "sketch-method:1" not in robot.app.widget_rects, "the tab begins with the photo to open"
+    Image.fromarray(np.full((60, 80, 3), 90, dtype=np.uint8)).save(tmp_path / "one.png")
+    robot.app.window.play_event(Drop((str(tmp_path / "one.png"),)))
+    robot.frames(3)
+    robot.key("E")
+    robot.click_widget("tab:Photo")
+    robot.frames(3)
+    assert {"sketch-method:1", "point:0", "detail:feature"} <= set(robot.app.widget_rects)
+    robot.key("Q")
+    robot.frames(2)
+    assert "sketch-method:1" not in robot.app.widget_rects
+
+
+def test_residuals_are_those_of_solved_poses(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = robot.app
+    robot.draw(way_of(robot, "left brow", -10.0))
+    drawn, session = app.drawn_constraints, app.session
+    before = drawn.residuals_px
+    assert before == session.residuals_px
+    monkeypatch.setattr(type(session), "solving", property(lambda _: True))
+    monkeypatch.setattr(type(session), "_solve_if_live", lambda _: None)
+    brow = session.document.constraints[0]
+    with session.edit("Again"):
+        session.replace(replace(session.document, constraints=(brow, brow), solved=False))
+    assert not session.document.solved
+    assert drawn.residuals_px == (*before, None)
+    monkeypatch.undo()
+    robot.frames(2)
+    assert all(residual is not None for residual in drawn.residuals_px)
 
 
 def test_the_recogniser_is_prepared_in_the_background(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

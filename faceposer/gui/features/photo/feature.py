@@ -78,6 +78,11 @@ class PhotoFeature(Feature):
         return self.context.session.document.photos
 
     @property
+    def options_in_tab(self) -> bool:
+        """True with a photo: the tools then draw over it."""
+        return bool(self.photos)
+
+    @property
     def tool(self) -> PhotoTool:
         """The tool that sets pins."""
         return self.context.toolbox.photo_tool

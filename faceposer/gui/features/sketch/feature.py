@@ -82,6 +82,8 @@ class SketchFeature(Feature):
             self._prepared = session.model
             if isinstance(session.worker, SolverWorker):
                 self._prepare(session.model)
+        if not self.context.toolbox.active and self.tool.leave_behind(self.context.viewport):
+            self.context.redraw()
         if not self.context.busy and self.tool.advance(self.context.viewport):
             self.context.redraw()
 

@@ -14,6 +14,8 @@ from faceposer.solve.constraints.stroke import as_pixels
 
 # Distance in pixels at normal density from which the gap between a matched point and its point of the face is drawn.
 _VISIBLE_GAP = 2.5
+# Least distance of the knobs, in their radii: those of the points of a cupid's bow would cover the stroke.
+_KNOBS_APART = 6.0
 
 
 @dataclass(frozen=True)
@@ -50,13 +52,23 @@ class SketchMark:
                 if np.hypot(*(place - foot)) > _VISIBLE_GAP * painter.scale:
                     painter.line(np.stack([foot, place]), WARNING, 1.2, alpha)
         radius = (3.2 if highlighted else 2.4) * (1.0 if self.own_view else 0.7)
-        for x, y in self.matched.tolist():
+        for x, y in apart(self.matched, _KNOBS_APART * radius * painter.scale).tolist():
             painter.knob((x, y), radius, INK if highlighted else TARGET, alpha, False)
 
     @property
     def anchor(self) -> Pixel | None:
         """None: the name is drawn beside the stroke."""
         return None
+
+
+def apart(places: Array, distance: float) -> Array:
+    """Return the ``places``, shape (n, 2), that are ``distance`` apart, beginning with the first and the last."""
+    order = [0, len(places) - 1, *range(1, len(places) - 1)] if len(places) > 1 else list(range(len(places)))
+    kept: list[int] = []
+    for i in order:
+        if all(np.hypot(*(places[i] - places[k])) >= distance for k in kept):
+            kept.append(i)
+    return places[sorted(kept)]
 
 
 def mark_of(index: int, constraint: SketchConstraint, view: MarkView) -> SketchMark:

@@ -1,0 +1,71 @@
+"""Places of names beside strokes, off the features of the face, where the next strokes are drawn."""
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.gui.widgets.widget_rects import overlap
+
+Array = NDArray[np.float64]
+#: Left, top, right and bottom.
+Box = tuple[float, float, float, float]
+
+# Most distances outwards and rows up or down that are tried, and what a row costs in pixels outwards.
+_OUTWARDS, _ROWS, _ROW_COST = 30, 4, 1.5
+
+
+def box_of_name(
+    line: Array,
+    size: tuple[float, float],
+    view: tuple[float, float],
+    leftwards: bool,
+    obstacles: Array,
+    gap: float,
+    taken: Collection[Box],
+) -> Box | None:
+    """Return the box of a name beside the outer end of ``line``: the nearest that covers nothing.
+
+    Args:
+        line: The stroke, shape (n, 2).
+        size: Width and height of the name.
+        view: Width and height of the view.
+        leftwards: True if outwards is to the left.
+        obstacles: Points of strokes and features, shape (m, 2), that the box keeps ``gap`` away from.
+        gap: Distance in pixels.
+        taken: Boxes of other names.
+
+    Returns:
+        The box; None if the end is outside the view. If every place covers something, the one that covers least.
+    """
+    (wide, tall), (width, height) = view, size
+    end = line[np.argmin(line[:, 0])] if leftwards else line[np.argmax(line[:, 0])]
+    if not (0.0 <= end[0] <= wide and 0.0 <= end[1] <= tall):
+        return None
+    outwards, rows = np.meshgrid(gap * np.arange(1, _OUTWARDS + 1), np.arange(-_ROWS, _ROWS + 1), indexing="ij")
+    lefts = end[0] - width - outwards if leftwards else end[0] + outwards
+    lefts = np.clip(lefts, 0.0, max(wide - width, 0.0)).ravel()
+    tops = np.clip(end[1] - height / 2.0 + rows * (height + 1.0), 0.0, max(tall - height, 0.0)).ravel()
+    cost = (outwards + _ROW_COST * height * np.abs(rows)).ravel()
+    u, v = obstacles[:, 0], obstacles[:, 1]
+    # Only those near the rows can be covered.
+    near = np.abs(v - end[1]) < (_ROWS + 2) * (height + 1.0) + gap
+    u, v = u[near], v[near]
+    covers_column = (u > lefts[:, None] - gap) & (u < lefts[:, None] + width + gap)
+    covers_row = (v > tops[:, None] - 0.5 * gap) & (v < tops[:, None] + height + 0.5 * gap)
+    covered = (covers_column & covers_row).sum(axis=1)
+    best: Box | None = None
+    for i in np.lexsort((cost, covered)).tolist():
+        box = (float(lefts[i]), float(tops[i]), float(lefts[i] + width), float(tops[i] + height))
+        if not any(overlap(box, other) for other in taken):
+            return box
+        if best is None:
+            best = box
+    return best
+
+
+def distance_to_box(box: Box, position: tuple[float, float]) -> float:
+    """Return the distance of ``position`` from ``box``, 0 inside."""
+    dx = max(box[0] - position[0], 0.0, position[0] - box[2])
+    dy = max(box[1] - position[1], 0.0, position[1] - box[3])
+    return float(np.hypot(dx, dy))
