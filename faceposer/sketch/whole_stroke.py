@@ -259,8 +259,7 @@ class WholeStrokeRecogniser:
             if feature is None:
                 line = part.curves.pixels[names[i]]
                 covered[i] = length / max(float(lengths_along(line)[-1]), 1e-9)
-                least = _CONTINUED if names[i] in drawn else _PIECE[0]
-                logs[i] -= _beyond(-covered[i], -least, _PIECE[1]) + untidy
+                logs[i] -= _beyond(-covered[i], -(_CONTINUED if names[i] in drawn else _PIECE[0]), _PIECE[1]) + untidy
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
@@ -287,8 +286,8 @@ class WholeStrokeRecogniser:
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
         if accepted and len(candidates[0].points) < _LEAST_MATCHED:
-            least = _CONTINUED if names[order[0]] in drawn else _LEAST_COVERED
-            accepted = bool(covered[order[0]] >= least and candidates[0].points)
+            enough = covered[order[0]] >= (_CONTINUED if names[order[0]] in drawn else _LEAST_COVERED)
+            accepted = bool(enough and candidates[0].points)
         if accepted and feature is None:
             closed = FEATURES[names[order[0]]].closed
             accepted = placed[0][1] < (_FARTHEST_CLOSED if closed else _FARTHEST)
