@@ -4,8 +4,8 @@ The network looks at 128 x 128 pixels and finds faces from about an eighth of th
 Smaller faces are looked for in overlapping windows, faces at other angles in turned ones.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -20,9 +20,11 @@ Array = NDArray[np.float64]
 _LEAST_SCORE, _OVERLAP = 0.5, 0.3
 # Least side of a window in pixels, and the most halvings of the side of the image.
 _LEAST_SIDE, _MOST_HALVINGS = 160, 3
+# Distance of neighbouring windows as a share of their side.
+_STEP = 0.7
 _MOST_DETECTIONS = 64
-# Range of grey values, as a share of the largest, to which dark or flat images are stretched.
-_DARK = 90.0
+# Mean brightness, of 0 to 255, of the brighter half to which dark images are stretched.
+_BRIGHT = 180.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,44 +59,50 @@ class Detection:
         return Square(x, y, 1.5 * self.size, float(np.arctan2(across[1], across[0])))
 
 
-def detect_faces(picture: Picture, every: bool = False) -> list[Detection]:
-    """Return the faces in ``picture``, the largest first.
+def searches(picture: Picture) -> Iterator[list[Detection]]:
+    """Yield the faces in ``picture``, the largest first, from searches that are each less likely to find any.
 
-    Args:
-        picture: The image.
-        every: Search for small faces even where there are large ones.
+    The first sees the whole image, the next also turned; then come windows, for small faces, and darkness.
     """
-    found: list[Detection] = []
-    for windows in _searches(picture, every):
-        found += [face for square, stretched in windows for face in _in_window(picture, square, stretched)]
-        if found and not every:
-            break
-    return sorted(_merged(found), key=lambda face: -face.size)
-
-
-def _searches(picture: Picture, every: bool) -> Iterable[list[tuple[Square, bool]]]:
-    """Yield lists of windows to search, and True where to stretch their grey values, each less likely than the last."""
     whole = Square(picture.width / 2, picture.height / 2, float(max(picture.width, picture.height)))
-    yield [(whole, False)]
-    if not every:
-        quarter = np.pi / 2
-        yield [(Square(whole.x, whole.y, whole.side, angle), False) for angle in (quarter, -quarter, 2 * quarter)]
-    for halvings in range(1, _MOST_HALVINGS + 1):
-        side = whole.side / 2**halvings
-        if side < _LEAST_SIDE:
-            break
-        yield [(square, False) for square in _windows(picture, side)]
-    if not every:
-        yield [(Square(whole.x, whole.y, whole.side, angle), True) for angle in np.arange(8) * np.pi / 4]
-        # A face that fills the image is found in a larger window.
-        yield [(Square(whole.x, whole.y, 2.0 * whole.side), True)]
+    yield _found(picture, [whole])
+    quarter = np.pi / 2
+    yield _found(picture, [replace(whole, angle=angle) for angle in (quarter, -quarter, 2 * quarter)])
+    for halvings in (1, 2):
+        yield _found(picture, _windows(picture, whole.side / 2**halvings))
+    # A face that fills the image is found in a larger window.
+    turned = [replace(whole, angle=float(angle)) for angle in np.arange(8) * np.pi / 4]
+    yield _found(picture, [*turned, replace(whole, side=2.0 * whole.side)], stretched=True)
+    yield _found(picture, _windows(picture, whole.side / 8))
+
+
+def all_faces(picture: Picture) -> list[Detection]:
+    """Return the upright faces in ``picture``, the largest first, also small ones."""
+    side = float(max(picture.width, picture.height))
+    whole = Square(picture.width / 2, picture.height / 2, side)
+    windows = [square for halvings in range(1, _MOST_HALVINGS + 1) for square in _windows(picture, side / 2**halvings)]
+    return _found(picture, [whole, *windows])
+
+
+def _found(picture: Picture, windows: list[Square], stretched: bool = False) -> list[Detection]:
+    found: list[Detection] = []
+    # Those of windows at other angles differ, since the network also finds faces upside down, but not their eyes.
+    for angle in dict.fromkeys(square.angle for square in windows):
+        alike = [square for square in windows if square.angle == angle]
+        found += _merged([face for square in alike for face in _in_window(picture, square, stretched)])
+    return sorted(found, key=lambda face: -face.size)
 
 
 def _windows(picture: Picture, side: float) -> list[Square]:
-    """Return squares of ``side`` that cover the image, each overlapping its neighbours by half or more."""
+    """Return squares of ``side`` that cover the image, or none if they would be too small.
+
+    Each overlaps its neighbours by more than the size of the faces that larger windows do not find.
+    """
+    if side < _LEAST_SIDE:
+        return []
     middles = []
     for length in (picture.width, picture.height):
-        count = max(1, int(np.ceil((length - side) / (side / 2))) + 1)
+        count = max(1, int(np.ceil((length - side) / (_STEP * side))) + 1)
         middles.append(np.linspace(side / 2, length - side / 2, count) if count > 1 else np.array([length / 2]))
     return [Square(float(x), float(y), side) for y in middles[1] for x in middles[0]]
 
@@ -123,7 +131,7 @@ def _stretched(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return ``pixels`` with the mean of its brighter half raised to that of a well-lit face."""
     brightness = pixels.mean(axis=2)
     bright = float(brightness[brightness >= np.median(brightness)].mean())
-    gain = np.clip(2.0 * _DARK / max(bright, 1.0), 1.0, 16.0)
+    gain = np.clip(_BRIGHT / max(bright, 1.0), 1.0, 16.0)
     return np.minimum(pixels * np.float32(gain), 255.0)
 
 
@@ -146,10 +154,7 @@ def _merged(found: list[Detection]) -> list[Detection]:
 
 
 def _overlap(one: Detection, other: Detection) -> float:
-    """Return the intersection of two boxes over their union, or over the smaller box if it is inside the other.
-
-    Boxes count as upright squares of their sizes: turned windows are used for the same image only if one found nothing.
-    """
+    """Return the intersection of two boxes over their union; both count as upright squares."""
     if one is other:
         return 1.0
     apart = np.abs(one.middle - other.middle)

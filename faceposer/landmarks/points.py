@@ -2,7 +2,8 @@
 
 Kartynnik et al., "Real-time facial surface geometry from monocular video on mobile GPUs", 2019, and Ablavatski et al.,
 "Real-time pupil tracking from monocular video for digital puppetry", 2020. The numbers of the points are those of
-MediaPipe's Face Mesh. Points are found in an upright crop of a face; the crop is taken again around the points found.
+MediaPipe's Face Mesh. Points are found in an upright crop of a face; the crop is taken again around the points found until it
+stays the same.
 """
 
 from dataclasses import dataclass
@@ -11,14 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.landmarks.crops import Picture, Square
-from faceposer.landmarks.detection import Detection, detect_faces
+from faceposer.landmarks.detection import all_faces, searches
 from faceposer.landmarks.network import networks
 
 Array = NDArray[np.float64]
 
 N_POINTS = 468
-# Least probability that a crop has a face, and the number of crops taken.
-_LEAST_SCORE, _PASSES = 0.5, 3
+# Least logarithm of the odds that a crop has a face, and that from which it certainly has one: in trials, 17 and more
+# for faces, down to 7 for small and blurred ones, up to 9 for faces upside down.
+_LEAST, _SURE = 5.0, 12.0
+# Number of crops taken at most, and their change, in sides and radians, below which no other is taken.
+_MOST_PASSES, _STILL = 5, 0.03
 # The crop's side over the extent of the points in it, and that of an eye over the distance of its corners.
 _ROOM, _EYE_ROOM = 1.5, 2.3
 #: Outer and inner corner of the person's right eye, inner and outer of the left.
@@ -53,7 +57,7 @@ class Landmarks:
 
 
 def find_landmarks(image: ArrayLike) -> Landmarks | None:
-    """Return the landmarks of the largest face in ``image``, or None if there is no face.
+    """Return the landmarks of the most distinct face in ``image``, or None if there is no face.
 
     Args:
         image: 8-bit grey or colour values, top row first, of shape (h, w), (h, w, 3) or (h, w, 4).
@@ -62,48 +66,82 @@ def find_landmarks(image: ArrayLike) -> Landmarks | None:
         ValueError: If the image is of another shape or type.
     """
     picture = Picture(image)
-    for face in detect_faces(picture):
-        found = landmarks_in(picture, face.square)
-        if found is not None:
-            return found
-    return None
+    best: _Found | None = None
+    for faces in searches(picture):
+        for face in faces:
+            found = _found_in(picture, face.square)
+            if found is not None and (best is None or found.logit > best.logit):
+                best = found
+        if best is not None and best.logit >= _SURE:
+            break
+    return None if best is None else _with_eyes(picture, best)
 
 
 def find_all_landmarks(image: ArrayLike) -> list[Landmarks]:
     """Return the landmarks of all faces in ``image``, the largest first; small faces take time to look for.
 
+    Turned or dark faces are looked for only if there are no others.
+
     Raises:
         ValueError: If the image is not as `find_landmarks` wants it.
     """
     picture = Picture(image)
-    faces: list[Detection] = detect_faces(picture, every=True) or detect_faces(picture)
+    candidates = [_found_in(picture, face.square) for face in all_faces(picture)]
     kept: list[Landmarks] = []
-    for face in faces:
-        found = landmarks_in(picture, face.square)
-        if found is not None and not any(_same_face(found, other) for other in kept):
-            kept.append(found)
+    for found in sorted((c for c in candidates if c is not None), key=lambda c: -c.logit):
+        face = _with_eyes(picture, found)
+        if not any(_same_face(face, other) for other in kept):
+            kept.append(face)
+    if not kept:
+        only = find_landmarks(image)
+        kept = [] if only is None else [only]
     return sorted(kept, key=lambda face: -float(np.prod(face.box[2:] - face.box[:2])))
 
 
 def landmarks_in(picture: Picture, square: Square) -> Landmarks | None:
     """Return the landmarks of the face in the region ``square`` of ``picture``, or None if there is none."""
-    score = 0.0
-    for _ in range(_PASSES):
-        points, score = _points_in(picture, square)
-        if score < _LEAST_SCORE:
+    found = _found_in(picture, square)
+    return None if found is None else _with_eyes(picture, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Points in an image, (468, 3), and the logarithm of the odds that they are of a face."""
+
+    points: Array
+    logit: float
+
+
+def _found_in(picture: Picture, square: Square) -> _Found | None:
+    points, logit = _points_in(picture, square)
+    for _ in range(_MOST_PASSES - 1):
+        # Faces at a wrong angle start low.
+        if logit < _LEAST - 10.0:
             return None
-        square = _square_around(points)
-    iris = np.empty((2, 5, 3))
-    for eye in (0, 1):
-        iris[eye] = _refined_eye(picture, points, eye)
+        before, square = square, _square_around(points)
+        if _nearly_equal(before, square):
+            break
+        points, logit = _points_in(picture, square)
+    return _Found(points, logit) if logit >= _LEAST else None
+
+
+def _nearly_equal(one: Square, other: Square) -> bool:
+    moved = np.hypot(one.x - other.x, one.y - other.y) + abs(one.side - other.side)
+    turned = abs(np.remainder(one.angle - other.angle + np.pi, 2.0 * np.pi) - np.pi)
+    return bool(moved / other.side + turned < _STILL)
+
+
+def _with_eyes(picture: Picture, found: _Found) -> Landmarks:
+    points = found.points
+    iris = np.stack([_refined_eye(picture, points, eye) for eye in (0, 1)])
+    score = float(1.0 / (1.0 + np.exp(-found.logit)))
     return Landmarks(points, iris, score, np.concatenate([points[:, :2].min(axis=0), points[:, :2].max(axis=0)]))
 
 
 def _points_in(picture: Picture, square: Square) -> tuple[Array, float]:
     network = networks()["points"]
     values, logit = network(_lit(picture.crop(square, network.side)))
-    score = 1.0 / (1.0 + np.exp(-float(np.clip(logit.reshape(-1)[0], -100.0, 100.0))))
-    return _to_image(values, square, network.side), score
+    return _to_image(values, square, network.side), float(np.clip(logit.reshape(-1)[0], -100.0, 100.0))
 
 
 def _lit(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
