@@ -7,6 +7,7 @@ stays the same.
 """
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,12 +49,14 @@ class Landmarks:
         iris: Middle of the iris and four points of its edge, of the right and of the left eye, shape (2, 5, 3).
         score: Probability that there is a face.
         box: Left, top, right and bottom of the points, shape (4,).
+        logit: Logarithm of the odds of a face, which tells faces apart whose ``score`` is nearly 1.
     """
 
     points: Array
     iris: Array
     score: float
     box: Array
+    logit: float
 
 
 def find_landmarks(image: ArrayLike) -> Landmarks | None:
@@ -65,9 +68,18 @@ def find_landmarks(image: ArrayLike) -> Landmarks | None:
     Raises:
         ValueError: If the image is of another shape or type.
     """
-    picture = Picture(image)
+    return likely_landmarks(Picture(image))
+
+
+def likely_landmarks(picture: Picture, most_searches: int | None = None) -> Landmarks | None:
+    """Return the landmarks of the most distinct face in ``picture``, or None if there is no face.
+
+    Args:
+        picture: The image.
+        most_searches: Number of searches to try, of those of ``faceposer.landmarks.detection``; all if None.
+    """
     best: _Found | None = None
-    for faces in searches(picture):
+    for faces in islice(searches(picture), most_searches):
         for face in faces:
             found = _found_in(picture, face.square)
             if found is not None and (best is None or found.logit > best.logit):
@@ -134,8 +146,8 @@ def _nearly_equal(one: Square, other: Square) -> bool:
 def _with_eyes(picture: Picture, found: _Found) -> Landmarks:
     points = found.points
     iris = np.stack([_refined_eye(picture, points, eye) for eye in (0, 1)])
-    score = float(1.0 / (1.0 + np.exp(-found.logit)))
-    return Landmarks(points, iris, score, np.concatenate([points[:, :2].min(axis=0), points[:, :2].max(axis=0)]))
+    box = np.concatenate([points[:, :2].min(axis=0), points[:, :2].max(axis=0)])
+    return Landmarks(points, iris, float(1.0 / (1.0 + np.exp(-found.logit))), box, found.logit)
 
 
 def _points_in(picture: Picture, square: Square) -> tuple[Array, float]:
