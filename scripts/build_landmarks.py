@@ -26,6 +26,7 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from faceposer.landmarks.network import FORMAT
+from scripts.landmark_building.man import points_on_man
 from scripts.landmark_building.tflite import Model, Operation, read_model
 
 PACKAGE = "mediapipe==0.10.21"
@@ -42,6 +43,8 @@ CREDITS = (
     "Networks of MediaPipe 0.10.21 (BlazeFace short range, Face Mesh, Iris), Copyright The MediaPipe Authors, "
     "Apache License 2.0; weights converted to half precision."
 )
+# Tolerance of the points on the man when rebuilt on another machine.
+_TOLERANCE_CM = 0.05
 
 
 def download_wheel(cache: Path) -> Path:
@@ -84,7 +87,9 @@ def members_of(name: str, model: Model) -> tuple[dict[str, Any], dict[str, NDArr
         array = model.constants[number].astype(np.float16)
         assert np.isfinite(array).all()
         # The leading 1 of depthwise weights, and those of slopes, are dropped.
-        arrays[f"{name}.{number}"] = array if array.ndim == 4 and array.shape[0] > 1 else _without_ones(array, model, number)
+        arrays[f"{name}.{number}"] = (
+            array if array.ndim == 4 and array.shape[0] > 1 else _without_ones(array, model, number)
+        )
     facts = {
         "side": model.shapes[entry][1],
         "input": entry,
@@ -122,14 +127,34 @@ def _row(operation: Operation, model: Model) -> list[Any]:
     return [operation.kind, inputs, operation.output, stride[0], options.get("same", False), size]
 
 
-def build(files: dict[str, bytes]) -> dict[str, NDArray[Any]]:
-    """Return the members of the array file from the ``files`` of the networks."""
+def build_networks(files: dict[str, bytes]) -> dict[str, NDArray[Any]]:
+    """Return the members of the array file with the networks, from their ``files``."""
     facts, arrays = {}, {}
     for name in FILES:
         facts[name], own = members_of(name, read_model(files[name]))
         arrays.update(own)
     meta = json.dumps({"format": FORMAT, "version": 1, "credits": CREDITS, "networks": facts}, separators=(",", ":"))
     return {"meta": np.frombuffer(meta.encode("utf-8"), dtype=np.uint8), **arrays}
+
+
+def packed(members: dict[str, NDArray[Any]]) -> bytes:
+    """Return the array file with ``members``."""
+    data = io.BytesIO()
+    np.savez_compressed(data, **members)  # type: ignore[arg-type]
+    return data.getvalue()
+
+
+def differences(members: dict[str, NDArray[Any]], path: Path) -> list[str]:
+    """Return the names of ``members`` that differ from those in the file ``path`` beyond rounding."""
+    with np.load(path, allow_pickle=False) as stored:
+        found = sorted(members.keys() ^ set(stored.files))
+        for name in members.keys() & set(stored.files):
+            if name == "reference":
+                same = float(np.abs(stored[name] - members[name]).max()) < _TOLERANCE_CM
+            else:
+                same = np.array_equal(stored[name], members[name])
+            found += [] if same else [name]
+    return found
 
 
 def main() -> int:
@@ -141,20 +166,22 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="compare with the existing file instead of writing")
     options = parser.parse_args()
     files = read_wheel(options.wheel or download_wheel(options.cache))
-    members, path = build(files), options.output / "landmarks.npz"
+    members, path = build_networks(files), options.output / "landmarks.npz"
     licence = options.output / "licences" / "landmarks-MediaPipe-Apache-2.0.txt"
+    if not options.check:
+        path.write_bytes(packed(members))
+        licence.write_bytes(files["license"])
+    # The networks find the points on the man.
+    man = points_on_man()
+    members |= {"reference": man.places.astype(np.float32), "mirror": man.mirror.astype(np.int16)}
     if options.check:
-        with np.load(path, allow_pickle=False) as stored:
-            names = members.keys() ^ set(stored.files)
-            different = sorted(names) + [n for n in members if n not in names and not np.array_equal(stored[n], members[n])]
-        different += [] if licence.read_bytes() == files["license"] else [licence.name]
-        print(f"{path}: {'differs in ' + ', '.join(different) if different else 'as built'}")
-        return int(bool(different))
-    data = io.BytesIO()
-    np.savez_compressed(data, **members)  # type: ignore[arg-type]
-    path.write_bytes(data.getvalue())
-    licence.write_bytes(files["license"])
-    print(f"{path}: {len(data.getvalue()) / 1e6:.2f} MB")
+        found = differences(members, path)
+        found += [] if licence.read_bytes() == files["license"] else [licence.name]
+        print(f"{path}: {'differs in ' + ', '.join(found) if found else 'as built'}")
+        return int(bool(found))
+    data = packed(members)
+    path.write_bytes(data)
+    print(f"{path}: {len(data) / 1e6:.2f} MB")
     return 0
 
 

@@ -91,7 +91,9 @@ class Picture:
         while len(self._levels) <= level:
             large = self._levels[-1]
             height, width = (max(n // 2 * 2, 2) for n in large.shape[:2])
-            large = np.pad(large, [(0, max(height - large.shape[0], 0)), (0, max(width - large.shape[1], 0)), (0, 0)], "edge")
+            large = np.pad(
+                large, [(0, max(height - large.shape[0], 0)), (0, max(width - large.shape[1], 0)), (0, 0)], "edge"
+            )
             kind = np.uint16 if large.dtype == np.uint8 else np.float32
             total = large[0:height:2, 0:width:2].astype(kind)
             for row, column in ((0, 1), (1, 0), (1, 1)):

@@ -6,7 +6,7 @@ as members ``NETWORK.NUMBER``. ``scripts/build_landmarks.py`` makes it from Medi
 
 import json
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -76,11 +76,11 @@ class Network:
                     tensors.pop(used, None)
         return tuple(tensors[number] for number in self.outputs)
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def _last_uses(self) -> dict[int, int]:
+        """Number of the last operation that reads each tensor, except the outputs."""
         uses = {used: number for number, operation in enumerate(self.operations) for used in operation.inputs}
-        object.__setattr__(self, "_last_uses", {used: at for used, at in uses.items() if used not in self.outputs})
-
-    _last_uses = {}  # type: dict[int, int]
+        return {used: number for used, number in uses.items() if used not in self.outputs}
 
     def _result(self, operation: Operation, tensors: dict[int, Floats]) -> Floats:
         x = tensors[operation.inputs[0]]

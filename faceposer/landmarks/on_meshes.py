@@ -1,6 +1,6 @@
 """Landmarks on any mesh of a head: it is drawn from several sides, and the points found are lifted to the surface."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 # Side of the pictures in which a face is looked for, and of those in which its points are found, in pixels.
 _SEARCH_SIDE, _SIDE = 320, 400
-# Angles of the five views about the vertical axis, in radians.
-_YAWS = (0.0, -0.28, 0.28, -0.55, 0.55)
+#: Angles of the five views about the vertical axis, in radians.
+YAWS = (0.0, -0.28, 0.28, -0.55, 0.55)
 # Width of these pictures at the face and distance of the camera, in centimetres of the man.
 _WIDTH, _DISTANCE = 27.0, 75.0
 # Middle of the man's face, about which the views turn, and the side of the crop around it, in centimetres.
@@ -30,6 +30,8 @@ _FACING, _NEAR_PX = 0.15, 3
 # Share of the points with the smallest residuals by which faces are aligned.
 _TRIMMED = 0.7
 _ROUNDS = 12
+# Views from the front that improve the frame before the points are found.
+_FRAME_ROUNDS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,53 @@ class View:
     camera: Camera
     drawing: Drawing
     landmarks: Landmarks
+
+    @classmethod
+    def of(
+        cls, mesh: PaintedMesh, frame: Similarity, yaw: float, mirror: NDArray[np.int64] | None = None
+    ) -> "View | None":
+        """Return a view of the face of ``mesh``, or None if no face is seen in it.
+
+        Args:
+            mesh: The mesh.
+            frame: The similarity from the mesh to upright centimetres, with the face about where the man's is.
+            yaw: Direction of the camera from the front to the left of the face, in radians.
+            mirror: Partner of each point; if given, the points are also found in the mirrored picture, and the mean of
+                both is taken, which favours no side.
+        """
+        back, scale = frame.inverse(), float(frame.scale)
+        target = back.apply(_MIDDLE[None])[0]
+        direction = frame.rotation.T @ (np.sin(yaw), 0.0, np.cos(yaw))
+        camera = _looking(target, direction, frame.rotation[1], _DISTANCE / scale, _WIDTH / scale, _SIDE)
+        drawing = draw(mesh, camera)
+        square = Square(_SIDE / 2, _SIDE / 2, _SIDE * _CROP / _WIDTH)
+        found = landmarks_in(Picture(drawing.image), square)
+        if found is None or mirror is None:
+            return None if found is None else cls(camera, drawing, found)
+        mirrored = landmarks_in(Picture(drawing.image[:, ::-1]), square)
+        if mirrored is None:
+            return None
+        edge, turn = np.array([_SIDE, 0.0, 0.0]), np.array([-1.0, 1.0, 1.0])
+        points = (found.points + edge + turn * mirrored.points[mirror]) / 2
+        irises = (found.iris + edge + turn * mirrored.iris[::-1]) / 2
+        return cls(camera, drawing, replace(found, points=points, iris=irises))
+
+    def lifted(self, pixels: Array) -> tuple[Array, Array]:
+        """Return the surface points under ``pixels``, (n, 2), shape (n, 3), and the cosines of surface to view, (n,).
+
+        Beside the surface, the nearest of its pixels within 3 pixels counts; farther away they are NaN and 0.
+        """
+        side = self.drawing.facing.shape[0]
+        offsets = [(x, y) for x in range(-_NEAR_PX, _NEAR_PX + 1) for y in range(-_NEAR_PX, _NEAR_PX + 1)]
+        offsets = sorted((o for o in offsets if np.hypot(*o) <= _NEAR_PX), key=lambda o: float(np.hypot(*o)))
+        places, facing = np.full((len(pixels), 3), np.nan), np.zeros(len(pixels))
+        for offset in offsets:
+            missing = np.flatnonzero(np.isnan(places[:, 0]))
+            if not missing.size:
+                break
+            columns, rows = np.clip(np.floor(pixels[missing]).astype(np.intp) + offset, 0, side - 1).T
+            places[missing], facing[missing] = self.drawing.places[rows, columns], self.drawing.facing[rows, columns]
+        return places, facing
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,23 +142,19 @@ def find_mesh_landmarks(
     if first is None:
         return None
     found = _aligned(first, known)
-    for number, yaw in enumerate((0.0, 0.0, *_YAWS)):
-        progress.at("Finding its points", 0.4 + 0.08 * number)
-        if found is None:
-            return None
-        # The first two views only improve the frame.
-        if number >= 2:
-            break
-        view = _view(mesh, found, yaw)
+    for number in range(_FRAME_ROUNDS):
+        progress.at("Finding its points", 0.4 + 0.1 * number)
+        view = None if found is None else View.of(mesh, found, 0.0, known.mirror)
         found = None if view is None else _aligned(view, known)
-    assert found is not None
+    if found is None:
+        return None
     views = []
-    for number, yaw in enumerate(_YAWS):
+    for number, yaw in enumerate(YAWS):
         progress.at("Finding its points", 0.6 + 0.08 * number)
-        view = _view(mesh, found, yaw)
+        view = View.of(mesh, found, yaw, known.mirror)
         if view is not None:
             views.append(view)
-    return _combined(views, found, known) if views else None
+    return combined(views, found, known) if views else None
 
 
 def _first_view(mesh: PaintedMesh, frame: Similarity | None, progress: Progress) -> View | None:
@@ -144,7 +189,7 @@ def _axes() -> list[Array]:
 
 
 def _looking(target: Array, direction: Array, up: Array, distance: float, width: float, side: int) -> Camera:
-    """Return a camera at ``distance`` from ``target`` in ``direction``, which sees ``width`` there in ``side`` pixels."""
+    """Return a camera at ``distance`` from ``target`` in ``direction``, which sees ``width`` in ``side`` pixels."""
     forward = -direction / np.linalg.norm(direction)
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
@@ -153,39 +198,9 @@ def _looking(target: Array, direction: Array, up: Array, distance: float, width:
     return Camera(rotation, -rotation @ centre, side * distance / width, (side, side))
 
 
-def _view(mesh: PaintedMesh, frame: Similarity, yaw: float) -> View | None:
-    """Return the view of the face of ``mesh`` from the angle ``yaw``, or None if no face is seen in it."""
-    back, scale = frame.inverse(), float(frame.scale)
-    target = back.apply(_MIDDLE[None])[0]
-    direction = frame.rotation.T @ (np.sin(yaw), 0.0, np.cos(yaw))
-    camera = _looking(target, direction, frame.rotation[1], _DISTANCE / scale, _WIDTH / scale, _SIDE)
-    drawing = draw(mesh, camera)
-    square = Square(_SIDE / 2, _SIDE / 2, _SIDE * _CROP / _WIDTH)
-    landmarks = landmarks_in(Picture(drawing.image), square)
-    return None if landmarks is None else View(camera, drawing, landmarks)
-
-
-def _lifted(view: View, pixels: Array) -> tuple[Array, Array]:
-    """Return the surface points under ``pixels``, (n, 2), shape (n, 3), and the cosines of the surface to the view.
-
-    Beside the surface, the nearest of its pixels within 3 pixels counts; points farther away are NaN, with cosine 0.
-    """
-    side = view.drawing.facing.shape[0]
-    offsets = [(x, y) for x in range(-_NEAR_PX, _NEAR_PX + 1) for y in range(-_NEAR_PX, _NEAR_PX + 1)]
-    offsets = sorted((o for o in offsets if np.hypot(*o) <= _NEAR_PX), key=lambda o: float(np.hypot(*o)))
-    places, facing = np.full((len(pixels), 3), np.nan), np.zeros(len(pixels))
-    for offset in offsets:
-        missing = np.flatnonzero(np.isnan(places[:, 0]))
-        if not missing.size:
-            break
-        columns, rows = np.clip(np.floor(pixels[missing]).astype(np.intp) + offset, 0, side - 1).T
-        places[missing], facing[missing] = view.drawing.places[rows, columns], view.drawing.facing[rows, columns]
-    return places, facing
-
-
 def _aligned(view: View, known: Reference) -> Similarity | None:
     """Return the similarity from the mesh to the man's frame by the points of one view, or None if it is not a face."""
-    places, facing = _lifted(view, view.landmarks.points[:, :2])
+    places, facing = view.lifted(view.landmarks.points[:, :2])
     weights = np.where(facing > _FACING, facing, 0.0)
     weights[np.isnan(places[:, 0])] = 0.0
     kept = weights.copy()
@@ -202,17 +217,17 @@ def _aligned(view: View, known: Reference) -> Similarity | None:
     return found
 
 
-def _combined(views: list[View], frame: Similarity, known: Reference) -> MeshLandmarks:
+def combined(views: list[View], frame: Similarity, known: Reference | None = None) -> MeshLandmarks:
     """Return the landmarks on the mesh from those of its views: of each point the weighted geometric median."""
-    places, weights = (np.stack(v) for v in zip(*(_lifted(v, v.landmarks.points[:, :2]) for v in views), strict=True))
+    places, weights = (np.stack(v) for v in zip(*(v.lifted(v.landmarks.points[:, :2]) for v in views), strict=True))
     irises, iris_weights = (
-        np.stack(v) for v in zip(*(_lifted(v, v.landmarks.iris[:, 0, :2]) for v in views), strict=True)
+        np.stack(v) for v in zip(*(v.lifted(v.landmarks.iris[:, 0, :2]) for v in views), strict=True)
     )
     points, seen, spread = _medians(places, weights)
     pupils, _, _ = _medians(irises, iris_weights)
     score = min(view.landmarks.score for view in views)
     shown = np.flatnonzero(seen)
-    if len(shown) > N_POINTS // 2 and determines_rotation(points[shown]):
+    if known is not None and len(shown) > N_POINTS // 2 and determines_rotation(points[shown]):
         frame = rigid_alignment(points[shown], known.places[shown], scale=True)
     return MeshLandmarks(points, seen, spread, pupils, score, frame, tuple(views))
 

@@ -2,8 +2,8 @@
 
 Kartynnik et al., "Real-time facial surface geometry from monocular video on mobile GPUs", 2019, and Ablavatski et al.,
 "Real-time pupil tracking from monocular video for digital puppetry", 2020. The numbers of the points are those of
-MediaPipe's Face Mesh. Points are found in an upright crop of a face; the crop is taken again around the points found until it
-stays the same.
+MediaPipe's Face Mesh. Points are found in an upright crop of a face; the crop is taken again around the points found
+until it stays the same.
 """
 
 from dataclasses import dataclass

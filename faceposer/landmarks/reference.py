@@ -59,4 +59,6 @@ def load_reference(path: Path) -> Reference:
                 raise ValueError("partners do not match")
             return Reference(places, mirror)
     except Exception as error:  # damaged archives raise errors of zipfile, zlib and NumPy
-        raise FacePoserError(f"The landmarks of the man in '{path}' cannot be read; install Face Poser again.") from error
+        raise FacePoserError(
+            f"The landmarks of the man in '{path}' cannot be read; install Face Poser again."
+        ) from error

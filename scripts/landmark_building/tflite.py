@@ -87,9 +87,7 @@ def read_model(data: bytes) -> Model:
             constants[output] = constants[inputs[0]]
             continue
         operations.append(Operation(kind, tuple(inputs), output, _options(kind, table.table(4))))
-    return Model(
-        tuple(operations), constants, tuple(shapes), tuple(graph.numbers(1)), tuple(graph.numbers(2))
-    )
+    return Model(tuple(operations), constants, tuple(shapes), tuple(graph.numbers(1)), tuple(graph.numbers(2)))
 
 
 def _options(kind: str, table: Table | None) -> dict[str, Any]:
