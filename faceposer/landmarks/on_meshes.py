@@ -27,6 +27,8 @@ _MIDDLE, _CROP = np.array([0.0, 0.3, 5.0]), 24.0
 _SEARCH_DISTANCE, _FILLED = 6.0, 0.9
 # Least cosine between surface and view at which a point counts, and the distance in pixels to the nearest surface.
 _FACING, _NEAR_PX = 0.15, 3
+# Least weight of a view in which a point of the man faces away.
+_LEAST_TRUST = 0.05
 # Share of the points with the smallest residuals by which faces are aligned.
 _TRIMMED = 0.7
 _ROUNDS = 12
@@ -219,12 +221,17 @@ def _aligned(view: View, known: Reference) -> Similarity | None:
 
 def combined(views: list[View], frame: Similarity, known: Reference | None = None) -> MeshLandmarks:
     """Return the landmarks on the mesh from those of its views: of each point the weighted geometric median."""
-    places, weights = (np.stack(v) for v in zip(*(v.lifted(v.landmarks.points[:, :2]) for v in views), strict=True))
-    irises, iris_weights = (
+    places, facing = (np.stack(v) for v in zip(*(v.lifted(v.landmarks.points[:, :2]) for v in views), strict=True))
+    trust = np.ones_like(facing)
+    if known is not None:
+        # A point on the far side of the nose may lie on a surface that faces the camera, but is not its own.
+        towards = -np.stack([view.camera.rotation[2] for view in views]) @ frame.rotation.T
+        trust = np.clip(2.0 * known.normals @ towards.T, _LEAST_TRUST, 1.0).T
+    irises, toward_irises = (
         np.stack(v) for v in zip(*(v.lifted(v.landmarks.iris[:, 0, :2]) for v in views), strict=True)
     )
-    points, seen, spread = _medians(places, weights)
-    pupils, _, _ = _medians(irises, iris_weights)
+    points, seen, spread = _medians(places, facing, trust)
+    pupils, _, _ = _medians(irises, toward_irises, np.ones_like(toward_irises))
     score = min(view.landmarks.score for view in views)
     shown = np.flatnonzero(seen)
     if known is not None and len(shown) > N_POINTS // 2 and determines_rotation(points[shown]):
@@ -232,14 +239,14 @@ def combined(views: list[View], frame: Similarity, known: Reference | None = Non
     return MeshLandmarks(points, seen, spread, pupils, score, frame, tuple(views))
 
 
-def _medians(places: Array, facing: Array) -> tuple[Array, NDArray[np.int64], Array]:
-    """Return the geometric medians, by Weiszfeld's iteration, of ``places``, (v, n, 3), weighted by their ``facing``.
+def _medians(places: Array, facing: Array, trust: Array) -> tuple[Array, NDArray[np.int64], Array]:
+    """Return the geometric medians, by Weiszfeld's iteration, of ``places``, (v, n, 3), weighted by ``facing`` and ``trust``.
 
     Returns:
         Points of shape (n, 3), the number of places of each, and their median distance from the point.
     """
     usable = (facing > _FACING) & ~np.isnan(places[..., 0])
-    weights = np.where(usable, facing**2, 0.0)
+    weights = np.where(usable, (facing * trust) ** 2, 0.0)
     filled = np.where(usable[..., None], places, 0.0)
     total = weights.sum(axis=0)
     sizes = np.where(total > 0.0, total, 1.0)

@@ -1,7 +1,8 @@
 """The 468 points on the built-in man, to which other faces are compared.
 
 They are members of ``assets/landmarks.npz``: ``reference``, positions in centimetres in the man's frame, found as on
-any mesh and made symmetric, and ``mirror``, the number of each point's partner on the other side.
+any mesh and made symmetric; ``normals``, the directions of his skin there; and ``mirror``, the number of each point's
+partner on the other side.
 """
 
 from dataclasses import dataclass
@@ -27,10 +28,12 @@ class Reference:
 
     Attributes:
         places: Positions in centimetres, shape (468, 3).
+        normals: Unit normals of the skin there, shape (468, 3).
         mirror: Number of each point's partner on the other side, shape (468,).
     """
 
     places: Array
+    normals: Array
     mirror: NDArray[np.int64]
 
 
@@ -52,12 +55,15 @@ def load_reference(path: Path) -> Reference:
     """
     try:
         with open_file(path, _MAX_BYTES) as file, np.load(file, allow_pickle=False) as members:
-            places, mirror = members["reference"].astype(np.float64), members["mirror"].astype(np.int64)
-            if places.shape != (N_POINTS, 3) or mirror.shape != (N_POINTS,) or not np.isfinite(places).all():
+            places, normals = (members[name].astype(np.float64) for name in ("reference", "normals"))
+            mirror = members["mirror"].astype(np.int64)
+            if places.shape != (N_POINTS, 3) or normals.shape != (N_POINTS, 3) or mirror.shape != (N_POINTS,):
                 raise ValueError("wrong shapes")
+            if not (np.isfinite(places).all() and np.isfinite(normals).all()):
+                raise ValueError("not finite")
             if not np.array_equal(mirror[mirror], np.arange(N_POINTS)):
                 raise ValueError("partners do not match")
-            return Reference(places, mirror)
+            return Reference(places, normals, mirror)
     except Exception as error:  # damaged archives raise errors of zipfile, zlib and NumPy
         raise FacePoserError(
             f"The landmarks of the man in '{path}' cannot be read; install Face Poser again."

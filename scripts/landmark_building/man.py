@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from faceposer.geometry.alignment import Similarity
+from faceposer.geometry.nearest_surface import NearestSurface
+from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import YAWS, MeshLandmarks, View, combined, find_mesh_landmarks
 from faceposer.landmarks.painting import painted_character
 from faceposer.landmarks.points import N_POINTS
@@ -21,18 +23,22 @@ def points_on_man() -> Reference:
     mesh = painted_character(load_character("man"))
     frame = Similarity(np.eye(3), np.zeros(3), np.array(1.0))
     views = [View.of(mesh, frame, yaw) for yaw in YAWS]
-    known = _symmetric(combined([view for view in views if view is not None], frame))
+    known = _symmetric(combined([view for view in views if view is not None], frame), mesh)
     for _ in range(_ROUNDS):
         found = find_mesh_landmarks(mesh, frame, known=known)
         assert found is not None
-        known = _symmetric(found)
+        known = _symmetric(found, mesh)
     return known
 
 
-def _symmetric(found: MeshLandmarks) -> Reference:
+def _symmetric(found: MeshLandmarks, mesh: PaintedMesh) -> Reference:
     assert np.isfinite(found.points).all()
     partners = _partners(found.points)
-    return Reference((found.points + found.points[partners] * _MIRROR) / 2, partners)
+    places = (found.points + found.points[partners] * _MIRROR) / 2
+    at, _ = NearestSurface(mesh.vertices, mesh.triangles, np.arange(len(mesh.triangles))).points(places)
+    normals = np.einsum("pc,pcd->pd", at.barycentric, mesh.normals[mesh.triangles[at.faces]].astype(np.float64))
+    normals = normals + normals[partners] * _MIRROR
+    return Reference(places, normals / np.linalg.norm(normals, axis=1, keepdims=True), partners)
 
 
 def _partners(places: NDArray[np.float64]) -> NDArray[np.int64]:
