@@ -17,6 +17,7 @@ from faceposer.cli import (
     demo,
     evaluate,
     export,
+    landmarks,
     photo,
     render,
     sketch,
@@ -59,6 +60,7 @@ COMMANDS: tuple[Command, ...] = (
     animate,
     transfer,
     photo,
+    landmarks,
     sketch,
     export,
     evaluate,
@@ -85,6 +87,8 @@ examples:
                                              transfer an expression or an animation to another character
   faceposer photo woman face.jpg --pins pins.json -o face.json
                                              pose a face from a photo
+  faceposer landmarks face.jpg -o points.json
+                                             find the landmarks of a photo or a mesh
   faceposer sketch man strokes.json -o drawn.json
                                              pose a face by drawn features
   faceposer evaluate -o DIR                  compare the prior with other techniques on unseen expressions

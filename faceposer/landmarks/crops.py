@@ -1,6 +1,7 @@
 """Square crops of images at any place, size and angle."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,7 +55,7 @@ class Picture:
                 f"an image must be 8-bit of shape (h, w), (h, w, 3) or (h, w, 4), not {pixels.dtype} {pixels.shape}"
             )
         colours = np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels[..., :3]
-        self._levels: list[NDArray[np.generic]] = [colours]
+        self._levels: list[NDArray[Any]] = [colours]
         self.width, self.height = pixels.shape[1], pixels.shape[0]
 
     def crop(self, square: Square, side: int, repeat_edge: bool = True) -> Floats:
@@ -86,7 +87,7 @@ class Picture:
         found[kept] = upper * (1 - down) + lower * down
         return found.reshape(side, side, 3)
 
-    def _level(self, level: int) -> NDArray[np.generic]:
+    def _level(self, level: int) -> NDArray[Any]:
         """Return the image reduced by 2 to the power of ``level``, each pixel the mean of those that it replaces."""
         while len(self._levels) <= level:
             large = self._levels[-1]

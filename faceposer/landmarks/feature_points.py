@@ -17,6 +17,7 @@ from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import MeshLandmarks
+from faceposer.landmarks.points import Landmarks
 from faceposer.landmarks.reference import reference
 from faceposer.model.character_file import load_character
 
@@ -86,17 +87,34 @@ def feature_places(
 def bent(found: MeshLandmarks, places: Array) -> Array:
     """Return ``places`` of the man, (n, 3) in centimetres, moved to the face of ``found``, in the unit of its mesh."""
     known = np.isfinite(found.points).all(axis=1)
-    source, target = reference().places[known], found.frame.apply(found.points[known])
     spread = np.nan_to_num(found.spread[known]) * float(found.frame.scale)
     ridge = _RIDGE + _PER_SPREAD * spread**2
+    moved = _bent(reference().places[known], found.frame.apply(found.points[known]), ridge, places)
+    return found.frame.inverse().apply(moved)
+
+
+def feature_pixels(found: Landmarks) -> Mapping[str, tuple[float, float]]:
+    """Return the pixels of the feature points that landmarks in an image determine, by their MPEG-4 names."""
+    man = load_character("man")
+    names = [name for name in man.feature_points if name not in EXTRAPOLATED]
+    wanted = man.vertices[[man.feature_points[name] for name in names]].astype(np.float64)
+    # Pixels have y down and the depth away from the viewer; the ridge is far below the distances of the points.
+    upright = found.points * (1.0, -1.0, -1.0)
+    places = _bent(reference().places, upright, np.full(len(upright), _RIDGE), wanted)[:, :2] * (1.0, -1.0)
+    for name, iris in zip(_PUPILS, found.iris, strict=True):
+        places[names.index(name)] = iris[0, :2]
+    return {name: (float(u), float(v)) for name, (u, v) in zip(names, places.tolist(), strict=True)}
+
+
+def _bent(source: Array, target: Array, ridge: Array, places: Array) -> Array:
+    """Return ``places``, (n, 3), moved as ``source`` to ``target``, (m, 3), with a ``ridge`` of each, (m,)."""
     laid = rigid_alignment(source, target, 1.0 / ridge, scale=True)
     ones = np.ones((len(source), 1))
     kernel = np.diag(ridge) - np.linalg.norm(source[:, None] - source, axis=2)
     system = np.block([[kernel, ones], [ones.T, np.zeros((1, 1))]])
-    left = np.vstack([target - laid.apply(source), np.zeros((1, 3))])
-    shares = np.linalg.solve(system, left)
-    moved = shares[-1] - np.linalg.norm(places[:, None] - source, axis=2) @ shares[:-1]
-    return found.frame.inverse().apply(laid.apply(places) + moved)
+    shares = np.linalg.solve(system, np.vstack([target - laid.apply(source), np.zeros((1, 3))]))
+    moved: Array = laid.apply(places) + shares[-1] - np.linalg.norm(places[:, None] - source, axis=2) @ shares[:-1]
+    return moved
 
 
 def _place_of(mesh: PaintedMesh, points: SurfacePoints) -> Array:

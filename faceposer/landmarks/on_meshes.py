@@ -29,6 +29,8 @@ _SEARCH_DISTANCE, _FILLED = 6.0, 0.9
 _FACING, _NEAR_PX = 0.15, 3
 # Least weight of a view in which a point of the man faces away.
 _LEAST_TRUST = 0.05
+# Depth behind the surface, in centimetres of the man, at which a point counts as hidden.
+_HIDDEN = 0.5
 # Share of the points with the smallest residuals by which faces are aligned.
 _TRIMMED = 0.7
 _ROUNDS = 12
@@ -79,6 +81,18 @@ class View:
         points = (found.points + edge + turn * mirrored.points[mirror]) / 2
         irises = (found.iris + edge + turn * mirrored.iris[::-1]) / 2
         return cls(camera, drawing, replace(found, points=points, iris=irises))
+
+    def shows(self, place: Array) -> bool:
+        """Return True if the surface point ``place``, (3,), is seen: nothing of the mesh is clearly nearer."""
+        (column, row), (depth,) = (
+            np.floor(self.camera.project(place[None])[0]),
+            self.camera.to_camera(place[None])[:, 2],
+        )
+        height, width = self.drawing.faces.shape
+        if not (0 <= column < width and 0 <= row < height):
+            return False
+        front = self.camera.to_camera(self.drawing.places[int(row), int(column)][None])[0, 2]
+        return bool(np.isnan(front) or depth < front + _HIDDEN / _WIDTH * width / self.camera.focal * depth)
 
     def lifted(self, pixels: Array) -> tuple[Array, Array]:
         """Return the surface points under ``pixels``, (n, 2), shape (n, 3), and the cosines of surface to view, (n,).
@@ -240,7 +254,7 @@ def combined(views: list[View], frame: Similarity, known: Reference | None = Non
 
 
 def _medians(places: Array, facing: Array, trust: Array) -> tuple[Array, NDArray[np.int64], Array]:
-    """Return the geometric medians, by Weiszfeld's iteration, of ``places``, (v, n, 3), weighted by ``facing`` and ``trust``.
+    """Return the geometric medians, by Weiszfeld's iteration, of weighted ``places``, (v, n, 3).
 
     Returns:
         Points of shape (n, 3), the number of places of each, and their median distance from the point.
