@@ -96,8 +96,8 @@ class Picture:
                 large, [(0, max(height - large.shape[0], 0)), (0, max(width - large.shape[1], 0)), (0, 0)], "edge"
             )
             kind = np.uint16 if large.dtype == np.uint8 else np.float32
-            total = large[0:height:2, 0:width:2].astype(kind)
+            total: NDArray[Any] = large[0:height:2, 0:width:2].astype(kind)
             for row, column in ((0, 1), (1, 0), (1, 1)):
-                total += large[row:height:2, column:width:2]
+                np.add(total, large[row:height:2, column:width:2], out=total)
             self._levels.append(total.astype(np.float32) * np.float32(0.25))
         return self._levels[level]

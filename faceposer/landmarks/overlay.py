@@ -17,19 +17,27 @@ Image = NDArray[np.uint8]
 _GREEN, _RED, _YELLOW, _BLUE = (60, 230, 90), (255, 70, 60), (255, 210, 0), (70, 130, 255)
 # Sides of the picture of a photo, and enlargement of the views of a mesh.
 _LEAST_SIDE, _MOST_SIDE, _ENLARGED = 1200, 2400, 2
+# Space around the faces in a picture of a photo, as a share of the largest face.
+_MARGIN = 0.4
 
 
 def photo_overlay(image: Image, faces: Sequence[Landmarks]) -> Image:
-    """Return ``image``, (h, w, 3), enlarged or reduced, with the points, irises and feature points of ``faces``."""
-    largest = max(image.shape[:2])
+    """Return the part of ``image``, (h, w, 3), around ``faces``, with their points, irises and feature points."""
+    boxes = np.stack([face.box for face in faces])
+    margin = _MARGIN * float((boxes[:, 2:] - boxes[:, :2]).max())
+    height, width = image.shape[:2]
+    low = np.floor(np.clip(boxes[:, :2].min(axis=0) - margin, 0, (width - 1, height - 1))).astype(int)
+    high = np.ceil(np.clip(boxes[:, 2:].max(axis=0) + margin, low + 1, (width, height))).astype(int)
+    part = image[low[1] : high[1], low[0] : high[0]]
+    largest = max(part.shape[:2])
     scale = min(max(_LEAST_SIDE / largest, 1.0), _MOST_SIDE / largest)
-    picture = _resized(image, scale)
+    picture = _resized(part, scale)
     for face in faces:
-        size = float(np.max(face.box[2:] - face.box[:2])) * scale
-        radius = max(1.0, size / 300.0)
-        _mark(picture, face.points[:, :2] * scale, _GREEN, radius)
-        _mark(picture, face.iris.reshape(-1, 3)[:, :2] * scale, _RED, radius)
-        _mark(picture, [(u * scale, v * scale) for u, v in feature_pixels(face).values()], _YELLOW, 1.6 * radius)
+        radius = max(1.0, float((face.box[2:] - face.box[:2]).max()) * scale / 350.0)
+        _mark(picture, (face.points[:, :2] - low) * scale, _GREEN, radius)
+        _mark(picture, (face.iris.reshape(-1, 3)[:, :2] - low) * scale, _RED, radius)
+        features = np.array([*feature_pixels(face).values()]).reshape(-1, 2)
+        _mark(picture, (features - low) * scale, _YELLOW, 1.5 * radius)
     return picture
 
 

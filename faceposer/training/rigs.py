@@ -19,6 +19,7 @@ from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_shapes, opposite_name
 from faceposer.training.displacements import check_displacements
+from faceposer.training.drawn_points import DrawnPoints, drawn_feature_points
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
@@ -26,6 +27,8 @@ from faceposer.training.performances import LearnedStatistics, learn_from_captur
 
 #: Least number of ARKit's shapes in a rig.
 _FEWEST_SHAPES = 5
+#: Number of feature points found by motion below which pictures of the face are drawn for the others.
+_FEW_POINTS = 40
 _DRAWS = 256
 _EXCHANGED = (
     "Its left shapes move its right side: the mesh is mirrored, or its shapes are named from the viewer's side. "
@@ -182,6 +185,7 @@ def _character(
     progress.at("Finding eyes, brows and mouth", 0.4)
     by_side = [opposite_name(name) if facts.exchanged else name for name in names]
     landmarks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(by_side, shapes, strict=True)))
+    drawn = drawn_feature_points(mesh) if len(landmarks.feature_points) < _FEW_POINTS else DrawnPoints({}, {})
     learned: LearnedStatistics | None = None
     if options.captures:
         learned = learn_from_captures(options.captures, options.n_components, options.n_factors, progress)
@@ -197,8 +201,8 @@ def _character(
         shape_names=names,
         shapes=shapes,
         regions=landmarks.regions,
-        feature_points=landmarks.feature_points,
-        feature_titles=landmarks.feature_titles,
+        feature_points=drawn.points | dict(landmarks.feature_points),
+        feature_titles=drawn.titles | dict(landmarks.feature_titles),
         textures=mesh.textures,
         credits=options.credits,
         statistics=learned.statistics if learned else None,
@@ -214,6 +218,7 @@ def _character(
         "empty": [name for name in names if not np.any(named[name])],
         "not_arkit": list(facts.others),
         "eyes_turned": turned,
+        "points_from_pictures": len(character.feature_points) - len(landmarks.feature_points),
         "warnings": [*facts.notes, *_sides(facts.exchanged, character)]
         + misplaced_eyes(mesh.vertices, mesh.parts)
         + (learned.warnings if learned else []),
