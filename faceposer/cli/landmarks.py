@@ -88,7 +88,7 @@ def _mesh(options: argparse.Namespace) -> int:
     found = find_mesh_landmarks(mesh)
     if found is None:
         raise FacePoserError(f"No face was found on '{options.what}'; give a mesh of a head with its face.")
-    features = feature_places(mesh, found)
+    features = feature_places(found)
     scale = float(found.frame.scale)
     print(f"face in {len(found.views)} views, score {found.score:.3f}, 1 unit is {scale:.3g} cm")
     for name, feature in features.items():

@@ -50,17 +50,14 @@ class FeaturePlace:
     extrapolated: bool
 
 
-def feature_places(
-    mesh: PaintedMesh, found: MeshLandmarks, skin: NDArray[np.integer] | None = None
-) -> Mapping[str, FeaturePlace]:
-    """Return the feature points of ``mesh`` by their MPEG-4 names.
+def feature_places(found: MeshLandmarks, skin: NDArray[np.integer] | None = None) -> Mapping[str, FeaturePlace]:
+    """Return the feature points of a mesh by their MPEG-4 names.
 
     Args:
-        mesh: The mesh.
-        found: Its landmarks.
+        found: Landmarks of the mesh.
         skin: Indices of the triangles on which all but the pupils lie; all triangles if None.
     """
-    man = load_character("man")
+    man, mesh = load_character("man"), found.mesh
     names = list(man.feature_points)
     wanted = man.vertices[[man.feature_points[name] for name in names]].astype(np.float64)
     places = bent(found, wanted)

@@ -117,6 +117,7 @@ class MeshLandmarks:
     """Landmarks on a mesh.
 
     Attributes:
+        mesh: The mesh.
         points: The 468 points in the unit and axes of the mesh, shape (468, 3); NaN where no view sees the surface.
         seen: Number of views in which each point was seen, shape (468,).
         spread: Median distance of the places in these views from the point, in the unit of the mesh, shape (468,).
@@ -126,6 +127,7 @@ class MeshLandmarks:
         views: The views.
     """
 
+    mesh: PaintedMesh
     points: Array
     seen: NDArray[np.int64]
     spread: Array
@@ -170,7 +172,7 @@ def find_mesh_landmarks(
         view = View.of(mesh, found, yaw, known.mirror)
         if view is not None:
             views.append(view)
-    return combined(views, found, known) if views else None
+    return combined(mesh, views, found, known) if views else None
 
 
 def _first_view(mesh: PaintedMesh, frame: Similarity | None, progress: Progress) -> View | None:
@@ -233,7 +235,7 @@ def _aligned(view: View, known: Reference) -> Similarity | None:
     return found
 
 
-def combined(views: list[View], frame: Similarity, known: Reference | None = None) -> MeshLandmarks:
+def combined(mesh: PaintedMesh, views: list[View], frame: Similarity, known: Reference | None = None) -> MeshLandmarks:
     """Return the landmarks on the mesh from those of its views: of each point the weighted geometric median."""
     places, facing = (np.stack(v) for v in zip(*(v.lifted(v.landmarks.points[:, :2]) for v in views), strict=True))
     trust = np.ones_like(facing)
@@ -250,7 +252,7 @@ def combined(views: list[View], frame: Similarity, known: Reference | None = Non
     shown = np.flatnonzero(seen)
     if known is not None and len(shown) > N_POINTS // 2 and determines_rotation(points[shown]):
         frame = rigid_alignment(points[shown], known.places[shown], scale=True)
-    return MeshLandmarks(points, seen, spread, pupils, score, frame, tuple(views))
+    return MeshLandmarks(mesh, points, seen, spread, pupils, score, frame, tuple(views))
 
 
 def _medians(places: Array, facing: Array, trust: Array) -> tuple[Array, NDArray[np.int64], Array]:

@@ -47,7 +47,7 @@ def drawn_feature_points(mesh: CanonicalMesh) -> DrawnPoints:
     turn = np.degrees(np.arccos(np.clip((np.trace(found.frame.rotation) - 1.0) / 2.0, -1.0, 1.0)))
     if turn > _LARGEST_TURN or abs(np.log(float(found.frame.scale))) > np.log(_LARGEST_RATIO):
         return nothing
-    places = feature_places(painted, found, skin)
+    places = feature_places(found, skin)
     kept = {name: place for name, place in places.items() if mesh.resembles_man or not place.extrapolated}
     return DrawnPoints(
         {name: place.vertex for name, place in kept.items()}, {name: place.title for name, place in kept.items()}

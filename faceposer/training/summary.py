@@ -88,6 +88,8 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
             )
     else:
         lines.append(f"{len(character.shape_names)} shapes")
+    if summary.get("points_from_pictures"):
+        lines.append(f"{summary['points_from_pictures']} feature points were found in pictures of the face")
     lines += _prior_lines(summary.get("prior", {}))
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):

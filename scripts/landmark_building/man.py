@@ -6,7 +6,6 @@ from scipy.optimize import linear_sum_assignment
 
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.nearest_surface import NearestSurface
-from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import YAWS, MeshLandmarks, View, combined, find_mesh_landmarks
 from faceposer.landmarks.painting import painted_character
 from faceposer.landmarks.points import N_POINTS
@@ -23,16 +22,17 @@ def points_on_man() -> Reference:
     mesh = painted_character(load_character("man"))
     frame = Similarity(np.eye(3), np.zeros(3), np.array(1.0))
     views = [View.of(mesh, frame, yaw) for yaw in YAWS]
-    known = _symmetric(combined([view for view in views if view is not None], frame), mesh)
+    known = _symmetric(combined(mesh, [view for view in views if view is not None], frame))
     for _ in range(_ROUNDS):
         found = find_mesh_landmarks(mesh, frame, known=known)
         assert found is not None
-        known = _symmetric(found, mesh)
+        known = _symmetric(found)
     return known
 
 
-def _symmetric(found: MeshLandmarks, mesh: PaintedMesh) -> Reference:
+def _symmetric(found: MeshLandmarks) -> Reference:
     assert np.isfinite(found.points).all()
+    mesh = found.mesh
     partners = _partners(found.points)
     places = (found.points + found.points[partners] * _MIRROR) / 2
     at, _ = NearestSurface(mesh.vertices, mesh.triangles, np.arange(len(mesh.triangles))).points(places)
