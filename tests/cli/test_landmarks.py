@@ -39,7 +39,8 @@ def test_photo(photo: Path, tmp_path: Path, capsys: Capture) -> None:
     assert np.shape(face["points"]) == (N_POINTS, 3)
     assert np.shape(face["iris"]) == (2, 5, 3)
     assert len(face["feature_points"]) == len(read_pins(pins)) > 40
-    drawn = np.asarray(Image.open(image))
+    with Image.open(image) as picture:
+        drawn = np.asarray(picture)
     assert (drawn == (60, 230, 90)).all(axis=2).sum() > 1000
 
 
@@ -59,7 +60,8 @@ def test_character_and_mesh(tmp_path: Path, capsys: Capture) -> None:
     assert data["kind"] == "mesh"
     assert len(data["points"]) == N_POINTS
     assert len(data["feature_points"]) == 66
-    assert Image.open(image).size == (4000, 800)
+    with Image.open(image) as drawn:
+        assert drawn.size == (4000, 800)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ def grace_hopper() -> NDArray[np.uint8]:
     path = Path(spec.origin).parent / "mpl-data" / "sample_data" / "grace_hopper.jpg" if spec and spec.origin else None
     if path is None or not path.is_file():
         pytest.skip("needs matplotlib, of the extra 'plots', for its sample photo")
-    return np.asarray(Image.open(path).convert("RGB"))
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB"))
 
 
 def astronaut() -> NDArray[np.uint8]:
