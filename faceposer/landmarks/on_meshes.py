@@ -25,6 +25,8 @@ _WIDTH, _DISTANCE = 27.0, 75.0
 _MIDDLE, _CROP = np.array([0.0, 0.3, 5.0]), 24.0
 # Distance of the camera from the mesh in the search, in radii of the mesh, and the share of the picture that it fills.
 _SEARCH_DISTANCE, _FILLED = 6.0, 0.9
+# Share of the corners of triangles on each side of an axis that may be strays.
+_STRAY = 0.002
 # Least cosine between surface and view at which a point counts, and the distance in pixels to the nearest surface.
 _FACING, _NEAR_PX = 0.15, 3
 # Least weight of a view in which a point of the man faces away.
@@ -179,8 +181,9 @@ def _first_view(mesh: PaintedMesh, frame: Similarity | None, progress: Progress)
     """Return the view of the whole mesh in which a face is most likely."""
     best: View | None = None
     corners = mesh.vertices[mesh.triangles].reshape(-1, 3)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    # A few stray triangles, as of scans, do not count.
+    low, high = np.quantile(corners, (_STRAY, 1.0 - _STRAY), axis=0)
+    middle, radius = (low + high) / 2, max(0.55 * float(np.linalg.norm(high - low)), 1e-9)
     directions = _axes() if frame is None else [frame.rotation.T @ (0.0, 0.0, 1.0)]
     for number, direction in enumerate(directions):
         progress.at("Looking for the face", 0.4 * number / len(directions))
