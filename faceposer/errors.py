@@ -31,6 +31,18 @@ class MissingCharacterError(FacePoserError):
         self.character = character
 
 
+class NoSessionError(FacePoserError):
+    """A file that was given in place of a session is of another kind.
+
+    Attributes:
+        path: Path of the file.
+    """
+
+    def __init__(self, message: str, path: str) -> None:
+        super().__init__(message)
+        self.path = path
+
+
 class FacePoserWarning(UserWarning):
     """A remark for users of the Python interface about changes or possibly unintended results."""
 
@@ -46,7 +58,7 @@ def printable(text: str, most: int = _LONGEST_MESSAGE) -> str:
     text = _cut(text, most)
     if text.isprintable():
         return text
-    escaped = (char if _is_shown(char) else char.encode("unicode_escape").decode("ascii") for char in text)
+    escaped = (char if is_shown(char) else char.encode("unicode_escape").decode("ascii") for char in text)
     return _cut("".join(escaped), most)
 
 
@@ -57,13 +69,25 @@ def _cut(text: str, most: int) -> str:
     return f"{text[:begin]} ... {text[len(text) - (most - 5 - begin) :]}"
 
 
-def _is_shown(char: str) -> bool:
+def there_are(count: int, one: str, many: str = "") -> str:
+    """Return a clause such as "there is 1 vertex"; see ``counted`` for the arguments."""
+    return f"there {'is' if count == 1 else 'are'} {counted(count, one, many)}"
+
+
+def is_shown(char: str) -> bool:
+    """Return True if ``char`` can be seen, or is a space."""
     return char.isprintable() or unicodedata.category(char) == "Zs"
 
 
-def counted(count: int, one: str, many: str) -> str:
-    """Return ``count`` with the noun for it, such as "1 vertex"."""
-    return f"{count} {one if count == 1 else many}"
+def counted(count: int, one: str, many: str = "") -> str:
+    """Return ``count`` with the noun for it, such as "1 vertex".
+
+    Args:
+        count: The number.
+        one: The noun in the singular.
+        many: The noun in the plural; "" for one with an added "s".
+    """
+    return f"{count} {one if count == 1 else many or f'{one}s'}"
 
 
 def short_name(name: str) -> str:

@@ -13,6 +13,7 @@ for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -182,7 +183,11 @@ def figure_3(figures: Figures) -> Image.Image:
 
 def figure_4(figures: Figures) -> Image.Image:
     """Depth of a lip's points: that of the surface below the stroke, and that of the conditional Gaussian."""
-    camera, side = figures.camera(side=960), figures.camera("left")
+    camera = figures.camera(side=960)
+    lips = figures.model.instance(figures.model.neutral())[figures.model.character.feature_points["8.1"]]
+    left = face_view(figures.model.character, "left")
+    close = replace(left, target=(float(lips[0]), float(lips[1]), float(lips[2]) - 2.0), distance=left.distance / 3.0)
+    side = close.camera((SIDE, SIDE))
     truth = figures.model.coefficients_of({"mouthPucker": 0.9, "mouthFunnel": 0.4})
     artist = figures.artist(truth, camera)
     true = artist.draw("outer upper lip", HandErrors(jitter=1.0, shift=0.0, length=0.02), np.random.default_rng(1))

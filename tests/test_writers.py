@@ -44,6 +44,7 @@ _MODULES = {
     "api/face.py": "sessions, by session/saved_state.py",
     "api/posing.py": "poses, by poses/pose_file.py",
     "cli/photo.py": "sessions",
+    "cli/sketch.py": "sessions; reports by files/writing.py",
     "evaluation/figures.py": "plots",
     "evaluation/gestures/pictures.py": "images",
     "evaluation/gestures/report.py": "pages; JSON by files/writing.py",

@@ -11,9 +11,10 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from faceposer.animation.trajectories import Trajectories
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json, shown
-from faceposer.files.sample_times import USUAL_RATE, assumed_rate, nearest_known
+from faceposer.files.sample_rates import USUAL_RATE, nearest_known
+from faceposer.files.sample_times import assumed_rate
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.marker_csv import MAX_MARKERS, MarkerTable, parse_marker_csv
 from faceposer.geometry.marker_io import MarkerMotion, read_markers
@@ -26,7 +27,7 @@ from faceposer.solve.constraints import codec
 
 FORMAT = "faceposer.trajectories"
 VERSION = 1
-SUFFIXES = (".csv", ".json", ".c3d")
+SUFFIXES = (".csv", ".json", ".c3d", ".trc")
 # Relative rounding of the rates in C3D files.
 _ROUNDED = 4e-4
 
@@ -101,7 +102,7 @@ def read_trajectories(
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FacePoserError(
-            f"Trajectories cannot be read from '{path}'; give a file with the suffix .csv, .json or .c3d."
+            f"Trajectories cannot be read from '{path}'; give a file with the suffix .csv, .json, .c3d or .trc."
         )
     if suffix == ".json":
         if marker_map is not None:
@@ -147,7 +148,8 @@ def trajectories_from_json(
         columns.append(_column(point.positions, camera is not None, f"{where}.positions"))
         if len(columns[-1]) != len(columns[0]):
             raise FacePoserError(
-                f"{where} has {len(columns[-1])} positions, but points[0] has {len(columns[0])}; give one or null per "
+                f"{where} has {counted(len(columns[-1]), 'position')}, but points[0] has {len(columns[0])}; "
+                f"give one or null per "
                 "frame."
             )
     positions = np.stack(columns, axis=1)
@@ -314,7 +316,9 @@ def _checked(
     options: "_Options",
 ) -> Trajectories:
     if len(positions) > _MAX_FRAMES:
-        raise FacePoserError(f"'{path}' has {len(positions)} frames, more than the maximum of {_MAX_FRAMES}; split it.")
+        raise FacePoserError(
+            f"'{path}' has {counted(len(positions), 'frame')}, more than the maximum of {_MAX_FRAMES}; split it."
+        )
     if not np.isfinite(positions).all(axis=2).any():
         raise FacePoserError(f"No point is visible in any frame of '{path}'; check the file.")
     far = np.argwhere(np.abs(positions) > _FARTHEST)

@@ -28,10 +28,10 @@ _LONGEST_TURN = 3600.0
 _LOWEST_RATE, _HIGHEST_RATE = 1e-3, 1e3
 
 
-def _warn(notes: str) -> None:
-    """Warn the caller of a method about ``notes``, if there are any."""
+def _warn(path: str | PathLike[str], notes: str) -> None:
+    """Warn the caller of a method about ``notes`` on the file ``path``, if there are any."""
     if notes:
-        warnings.warn(notes, FacePoserWarning, stacklevel=3)
+        warnings.warn(f"{fspath(path)}: {notes}", FacePoserWarning, stacklevel=3)
 
 
 class MotionMixin:
@@ -108,7 +108,7 @@ class MotionMixin:
         if rate is not None:
             checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
         read = read_performance(Path(path), self.session.model, rate)
-        _warn(read.note)
+        _warn(path, read.note)
         self.play(read.performance)
         return read.performance
 
@@ -123,7 +123,7 @@ class MotionMixin:
         """Solve for the motion in which points of the face follow ``trajectories`` (docs/animation.md).
 
         Args:
-            trajectories: Trajectories, or their file (.csv, .json, .c3d), from which jumps are removed.
+            trajectories: Trajectories, or their file (.csv, .json, .c3d, .trc), from which jumps are removed.
             camera: Camera of a table of pixels.
             smoothness: Weight of changes of velocity.
             spread: Extent of the face that follows, 0 to 1; by default the whole face, which suits recordings.
@@ -141,7 +141,7 @@ class MotionMixin:
             if rate is not None:
                 checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
             read = read_trajectories(Path(trajectories), model.character, camera=camera, rate=rate)
-            _warn(" ".join(read.notes))
+            _warn(trajectories, " ".join(read.notes))
             trajectories, _ = read.without_jumps()
         return solve_trajectories(
             model,

@@ -1,6 +1,7 @@
 """Drawn features from Python: a mixin of ``Face``."""
 
-from typing import Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -8,14 +9,19 @@ from faceposer.api import checks
 from faceposer.api.places import Pixels, pixels_of
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
+from faceposer.model.framing import face_view
 from faceposer.session.session import Session
 from faceposer.session.sketch_strokes import add_stroke
 from faceposer.sketch.recognition import DrawnStroke, Recognition
 from faceposer.solve.constraints.base import LARGEST_WEIGHT
 from faceposer.solve.constraints.codec import LARGEST_PIXEL
 from faceposer.solve.constraints.sketch import MOST_STROKE_POINTS, SKETCH_METHODS, SketchMethod
+
+if TYPE_CHECKING:
+    from faceposer.sketch.drawing import RecognisedDrawing
 
 
 class _Face(Protocol):
@@ -25,6 +31,9 @@ class _Face(Protocol):
 
     @property
     def model(self) -> FaceModel: ...
+
+    @property
+    def character(self) -> Character: ...
 
     def _checked_camera(self, camera: Camera | None) -> Camera: ...
 
@@ -85,6 +94,31 @@ class SketchingMixin:
         if sketch is None:
             guess = f"; if it is a {found.candidates[0].feature}, say so with 'feature'" if found.candidates else ""
             raise FacePoserError(f"The stroke depicts no feature of the face{guess}.")
+        return found
+
+    def sketch_drawing(
+        self: _Face, path: str | Path, camera: Camera | None = None, relative: str | Path = "auto"
+    ) -> "RecognisedDrawing":
+        """Add the lines of a drawing in SVG as sketches, in place of earlier ones (docs/drawings.md).
+
+        Args:
+            path: The SVG file.
+            camera: The view of the face that it shows; the front view if None.
+            relative: The neutral face by which it is judged: "auto" for its layer "neutral" or an assumed one, "off" to
+                take its lines as they are, or the path of a drawing of it.
+
+        Returns:
+            What each line depicts; the sketches are the last of ``constraints``.
+
+        Raises:
+            FacePoserError: If the file cannot be read or shows no face.
+        """
+        # Imported late: it loads all that recognises.
+        from faceposer.session.drawings import Relative, add_sketches, read_drawing
+
+        checked = face_view(self.character).camera((960, 960)) if camera is None else self._checked_camera(camera)
+        found, sketches = read_drawing(self.model, Path(path), checked, Relative.of(str(relative)))
+        add_sketches(self.session, sketches, Path(path).name)
         return found
 
     @property

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, add_rate_option, add_spread, number_between
+from faceposer.cli.arguments import add_contact_option, add_rate_option, add_spread, number_between, output_path
 from faceposer.cli.progress_line import ProgressLine
+from faceposer.errors import counted
 from faceposer.files.atomic import check_not_input
 
 NAME = "animate"
@@ -21,11 +22,13 @@ def add_parser(commands: Any) -> None:
         "space, smoothly and naturally (docs/animation.md), and write the animation.",
     )
     parser.add_argument("character", metavar="CHARACTER", help="name of a character, or character file (.npz)")
-    parser.add_argument("trajectories", type=Path, metavar="TRAJECTORIES", help="trajectories (.csv, .json or .c3d)")
+    parser.add_argument(
+        "trajectories", type=Path, metavar="TRAJECTORIES", help="trajectories (.csv, .json, .c3d or .trc)"
+    )
     parser.add_argument(
         "-o",
         "--output",
-        type=Path,
+        type=output_path,
         metavar="OUT",
         required=True,
         help="animation to write: weights (.json, or .csv for Live Link Face), .glb, .gif or .mp4",
@@ -103,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
     without_points = int((~trajectories.seen.any(axis=1)).sum())
     remarks = f", {without_points} of them without points" if without_points else ""
     remarks += f"; jumps removed: {jumps}" if jumps else ""
-    length = f"{n_frames} frames at {performance.rate:g} fps"
+    length = f"{counted(n_frames, 'frame')} at {performance.rate:g} fps"
     print(f"{options.output} written: {length}, mean error {error:.1f} {unit}{remarks}")
     return 0
 

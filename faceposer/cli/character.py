@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, is_shown, short_name
 
 NAME = "character"
 
@@ -54,7 +54,9 @@ def _info(options: argparse.Namespace) -> int:
     if options.json:
         # Other encodings than UTF-8 may lack characters, which JSON can escape.
         is_utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
-        print(json.dumps(description_of(character), indent=1, ensure_ascii=not is_utf8))
+        text = json.dumps(description_of(character), indent=1, ensure_ascii=not is_utf8)
+        # Invisible characters, such as those that reverse a text, are escaped as in all other output.
+        print("".join(char if char == "\n" or is_shown(char) else json.dumps(char)[1:-1] for char in text))
     else:
         print(text_of_summary(character))
     return 0
@@ -66,6 +68,11 @@ def _check(options: argparse.Namespace) -> int:
     from faceposer.training.summary import findings_of
 
     character = load_character(options.file)
+    for name, reason in character.damaged_textures.items():
+        raise FacePoserError(
+            f"The character file '{options.file}' cannot be used: its texture '{short_name(name)}' is unusable, since "
+            f"{reason}; create the character again."
+        )
     findings = findings_of(character, build_face_model(character))
     for finding in findings:
         print(finding)

@@ -4,10 +4,25 @@ import os
 import sys
 from contextlib import suppress
 from io import TextIOWrapper
+from pathlib import Path
 
 
 def prepare_console() -> None:
-    """Escape characters that standard output and standard error cannot show, instead of failing."""
+    """Escape characters that standard output and standard error cannot show, instead of failing.
+
+    A stream that is closed, as by ``2>&-``, leads nowhere instead: the next file that is opened would otherwise get
+    its number, and with it what other libraries print.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            # Opened with the lowest number that is free.
+            with suppress(OSError):
+                os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115  # open until the end
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -1,8 +1,10 @@
 """``faceposer demo``: plays a scripted posing session in the program itself, without a display."""
 
 import argparse
-from pathlib import Path
 from typing import Any
+
+from faceposer.cli.arguments import output_path
+from faceposer.files.atomic import check_new_folder
 
 NAME = "demo"
 
@@ -15,11 +17,12 @@ def add_parser(commands: Any) -> None:
         description="Play a scripted posing session in the program itself, without a display, and write what the "
         "window shows as images and an animation.",
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder to write into")
+    parser.add_argument("-o", "--output", type=output_path, metavar="DIR", required=True, help="folder to write into")
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the demo's images and animation and return the exit status."""
+    check_new_folder(options.output)
     from faceposer.gui.testing.demo import run as play
 
     play(options.output)

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.cli import evaluate_values as values
+from faceposer.cli.arguments import output_path
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.atomic import check_new_folder
 from faceposer.progress import Progress
 
 NAME = "evaluate"
@@ -31,7 +33,7 @@ def add_parser(commands: Any) -> None:
         "stopped.",
     )
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", required=True, help="folder for the files of the study"
+        "-o", "--output", type=output_path, metavar="DIR", required=True, help="folder for the files of the study"
     )
     parser.add_argument("--character", default="man", metavar="NAME|FILE", help="character to pose (default: man)")
     parser.add_argument("--subject", dest="character", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
@@ -75,7 +77,12 @@ def add_parser(commands: Any) -> None:
         default="auto",
         help="frames are far apart in time, so that jumps between them are valid (default: from the takes' timestamps)",
     )
-    takes.add_argument("--examples", type=values.count, metavar="N", help="number of augmented examples to learn from")
+    takes.add_argument(
+        "--examples",
+        type=values.examples,
+        metavar="N",
+        help="number of augmented examples to learn from, at least 200",
+    )
     cells = parser.add_argument_group("conditions")
     cells.add_argument(
         "--methods", type=values.names, metavar="A,B", help="techniques (default: all of the comparison)"
@@ -151,6 +158,7 @@ def run(options: argparse.Namespace) -> int:
 
     if paths.exists(options.output) and not paths.is_dir(options.output):
         raise FacePoserError(f"'{options.output}' is a file; give a folder for the study with --output.")
+    check_new_folder(options.output)
     methods = known_methods(options.methods)
     if options.figures and not options.tune:
         from faceposer.evaluation.figures import require_matplotlib

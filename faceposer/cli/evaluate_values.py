@@ -3,6 +3,10 @@
 import argparse
 from pathlib import Path
 
+from faceposer.cli.arguments import number, whole_number
+
+#: Least number of examples from which all techniques can learn.
+MIN_EXAMPLES = 200
 #: Kinds of constraints that a study samples.
 KINDS = ("point", "distance", "stroke")
 #: Largest number of trials, constraints or examples, and largest seed.
@@ -44,9 +48,19 @@ def kind_of_constraint(name: str) -> str:
 
 def count(text: str) -> int:
     """Return a number from 1 to ``MAX_COUNT``."""
-    if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= MAX_COUNT:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {MAX_COUNT}")
-    return int(text)
+    return _between(text, 1)
+
+
+def examples(text: str) -> int:
+    """Return a number of examples, from ``MIN_EXAMPLES`` to ``MAX_COUNT``."""
+    return _between(text, MIN_EXAMPLES)
+
+
+def _between(text: str, least: int) -> int:
+    found = whole_number(text, least, MAX_COUNT)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least} to {MAX_COUNT}")
+    return found
 
 
 def counts(text: str) -> Counts:
@@ -69,7 +83,7 @@ def seeds(text: str) -> tuple[int, ...]:
     """Return the distinct seeds in a list."""
     texts = names(text)
     for seed in texts:
-        if not (seed.isascii() and seed.isdigit()) or int(seed) > MAX_COUNT:
+        if whole_number(seed, 0, MAX_COUNT) is None:
             raise argparse.ArgumentTypeError(f"'{seed}' is not a seed, a number from 0 to {MAX_COUNT}")
     return tuple(dict.fromkeys(int(seed) for seed in texts))
 
@@ -78,10 +92,7 @@ def noises(text: str) -> tuple[float, ...]:
     """Return the distinct noises in a list, in pixels from 0 to 100."""
     found = []
     for part in names(text):
-        try:
-            noise = float(part)
-        except ValueError:
-            noise = -1.0
+        noise = number(part)
         if not 0.0 <= noise <= 100.0:
             raise argparse.ArgumentTypeError(f"'{part}' is not a number of pixels from 0 to 100")
         found.append(noise)

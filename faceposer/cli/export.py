@@ -7,10 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option, image_size
+from faceposer.cli.arguments import (
+    add_contact_option,
+    add_materials_option,
+    add_rate_option,
+    image_size,
+    number,
+    output_path,
+)
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_folder_of, check_not_input
+from faceposer.errors import FacePoserError, counted, printable
+from faceposer.files.atomic import check_not_input, check_sequence_folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,7 +66,9 @@ def add_parser(commands: Any) -> None:
     # The table of formats is slow to import, and only the help of this command needs it here.
     parser.format_help = lambda: _help_with_formats(parser)
     parser.add_argument("what", metavar="CHARACTER|SESSION", help="name or file of a character, or a session file")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT", required=True, help="file or folder to write")
+    parser.add_argument(
+        "-o", "--output", type=output_path, metavar="OUT", required=True, help="file or folder to write"
+    )
     motion = parser.add_mutually_exclusive_group()
     motion.add_argument(
         "--pose",
@@ -175,7 +184,7 @@ def run(options: argparse.Namespace) -> int:
                 line.share(share)
     finally:
         line.clear()
-    print(f"{path} written" if options.sequence is None else f"{len(motion)} files written to {path}")
+    print(f"{path} written" if options.sequence is None else f"{counted(len(motion), 'file')} written to {path}")
     return 0
 
 
@@ -190,7 +199,7 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
     if options.animation is not None:
         animation = read_performance(options.animation, model, options.rate)
         count, rate = len(animation.performance), animation.performance.rate
-        length = f"{count} frames at {rate:g} fps" if count > 1 else "a single frame"
+        length = f"{counted(count, 'frame')} at {rate:g} fps" if count > 1 else "a single frame"
         _print_cut(f"{options.animation}: {length}")
         print_notes(options.animation, animation.note)
         return animation.performance
@@ -207,7 +216,7 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
         controller.change(replace(controller.keyframes, inbetweens=options.inbetweens), "Change the in-betweens")
     performance = session.animation.performance if holds_animation and not options.still else None
     if performance is not None and len(performance) > 1:
-        _print_cut(f"{options.what}: {len(performance)} frames at {performance.rate:g} fps")
+        _print_cut(f"{options.what}: {counted(len(performance), 'frame')} at {performance.rate:g} fps")
         return performance
     return session.coefficients
 
@@ -238,7 +247,7 @@ def _check_options(options: argparse.Namespace) -> None:
             raise FacePoserError("--sequence writes an animation; leave out --pose and --still.")
         if options.transparent and not FORMATS[f".{options.sequence}"].transparent:
             raise FacePoserError("--transparent applies to images only; use --sequence png.")
-        check_folder_of(path)
+        check_sequence_folder(path)
         return
     check_writable(path)
     form = FORMATS[suffix]
@@ -261,10 +270,7 @@ def _print_cut(text: str) -> None:
 
 
 def _positive_number(text: str, most: float, unit: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
+    value = number(text)
     if not 0.0 < value <= most:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number of {unit} above 0 and up to {most:g}")
     return value
@@ -279,6 +285,6 @@ def _rate(text: str) -> float:
 
 
 def _frame(text: str) -> int:
-    if not re.fullmatch(r"[1-9]\d{0,8}", text):
+    if not re.fullmatch(r"[1-9][0-9]{0,8}", text):
         raise argparse.ArgumentTypeError(f"'{text}' is not a frame number; frames are numbered from 1")
     return int(text)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_spread
-from faceposer.errors import FacePoserError, printable
+from faceposer.cli.arguments import add_spread, number, output_path
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_not_input, check_output
 
 if TYPE_CHECKING:
@@ -37,14 +37,19 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--pins", type=Path, metavar="PINS.json", required=True, help="pins on the photo (docs/photo.md)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
     parser.add_argument(
-        "--focal", type=float, metavar="PX", help="focal length in pixels (default: from EXIF, else estimated)"
+        "-o", "--output", type=output_path, metavar="SESSION.json", required=True, help="session to write"
+    )
+    parser.add_argument(
+        "--focal", type=number, metavar="PX", help="focal length in pixels (default: from EXIF, else estimated)"
     )
     add_spread(parser, "that of the session, else 0.5")
     parser.add_argument("--no-pose", action="store_true", help="align the camera only, without posing the face")
     parser.add_argument(
-        "--render", type=Path, metavar="OUT.png", help="also render the photo, the face over it and the face alone"
+        "--render",
+        type=output_path,
+        metavar="OUT.png",
+        help="also render the photo, the face over it and the face alone",
     )
 
 
@@ -104,7 +109,10 @@ def run(options: argparse.Namespace) -> int:
     session.save(options.output, camera)
     mean = sum(aligned_errors.values()) / len(aligned_errors)
     count = len(session.document.constraints)
-    print(f"{options.output} written: {len(aligned_errors)} pins, mean error {mean:.1f} px, {count} constraints")
+    print(
+        f"{options.output} written: {counted(len(aligned_errors), 'pin')}, mean error {mean:.1f} px, "
+        f"{counted(count, 'constraint')}"
+    )
     if mean > _LARGEST_ERROR * _extent([pin for i, pin in enumerate(pins) if i in aligned_errors]):
         print("No camera explains these pins: check the feature point of each pin, and the focal length.")
     return 0

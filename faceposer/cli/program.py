@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import metadata
+from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 from faceposer.cli import (
@@ -27,7 +28,7 @@ from faceposer.cli import (
     window,
 )
 from faceposer.cli.console import flushed, prepare_console, tell
-from faceposer.errors import FacePoserError, NoWindowError
+from faceposer.errors import FacePoserError, NoSessionError, NoWindowError
 
 
 class Command(Protocol):
@@ -113,7 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         status = _run(words)
     except FacePoserError as error:
-        tell(error)
+        tell(_with_remedy(error) if isinstance(error, NoSessionError) else error)
         # scripts/run plays the demo instead when it gets status 3.
         status = 3 if isinstance(error, NoWindowError) else 2
     except ModuleNotFoundError as error:
@@ -133,6 +134,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tell("There is not enough memory; close other programs, or use smaller inputs.")
         status = 2
     sys.exit(flushed(status))
+
+
+def _with_remedy(error: NoSessionError) -> str:
+    from faceposer.cli.remedies import remedy_for
+
+    return f"{error}{remedy_for(Path(error.path))}"
 
 
 def _run(words: list[str]) -> int:

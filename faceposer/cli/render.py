@@ -5,7 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, image_size
+from faceposer.cli.arguments import add_contact_option, image_size, output_path
+from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_output
 
 NAME = "render"
@@ -19,7 +20,7 @@ def add_parser(commands: Any) -> None:
         NAME, help="render a face", description="Render a character, a session or a mesh as a PNG image."
     )
     parser.add_argument("what", metavar="CHARACTER|SESSION|MESH", help="name of a character, session file or mesh file")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.png", required=True, help="image to write")
+    parser.add_argument("-o", "--output", type=output_path, metavar="OUT.png", required=True, help="image to write")
     parser.add_argument("--view", choices=_VIEWS, default="front", help="view to render (default: front)")
     parser.add_argument(
         "--size",
@@ -39,18 +40,30 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.geometry.mesh_io import MESH_SUFFIXES
 
     if Path(options.what).suffix.lower() in MESH_SUFFIXES:
+        from faceposer.cli.opening import print_notes
         from faceposer.geometry.camera import OrbitView
-        from faceposer.geometry.mesh_io import read_mesh
+        from faceposer.geometry.mesh_io import read_mesh, texture_notes
         from faceposer.render.images import write_png
         from faceposer.render.offscreen import render_mesh
 
         mesh = read_mesh(Path(options.what))
+        print_notes(options.what, " ".join(texture_notes(Path(options.what), mesh)))
         view = OrbitView.preset(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0), options.view)
         camera = view.camera(options.size)
         image = render_mesh(mesh.vertices, mesh.triangles(), camera, transparent=options.transparent)
         write_png(options.output, image)
     else:
         from faceposer.api import Face
+        from faceposer.files import paths
+
+        if Path(options.what).suffix.lower() not in ("", ".json", ".npz") and paths.exists(options.what):
+            from faceposer.cli.remedies import remedy_for
+
+            raise FacePoserError(
+                f"'{options.what}' cannot be rendered; give a character (.npz), a session (.json) or a mesh "
+                f"({', '.join(MESH_SUFFIXES)})."
+                f"{remedy_for(Path(options.what))}"
+            )
         from faceposer.cli.opening import open_with_remark
 
         face = Face(open_with_remark(options.what))

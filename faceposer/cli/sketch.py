@@ -1,7 +1,6 @@
 """``faceposer sketch``: poses a face by drawn features."""
 
 import argparse
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -9,9 +8,11 @@ from typing import Any
 from faceposer.cli.arguments import add_spread
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_not_input, check_output, write_text
+from faceposer.files.atomic import check_not_input, check_output
 
 NAME = "sketch"
+# Size of the view into which drawings are aligned, in pixels.
+_DRAWING_SIZE = (960, 960)
 
 
 def add_parser(commands: Any) -> None:
@@ -22,7 +23,7 @@ def add_parser(commands: Any) -> None:
         description="Recognise the features that strokes depict, give the face their shapes and write the session.",
     )
     parser.add_argument("what", metavar="CHARACTER|SESSION", help="character, or session to add the strokes to")
-    parser.add_argument("strokes", type=Path, metavar="STROKES", help="file of strokes (docs/sketching-files.md)")
+    parser.add_argument("strokes", type=Path, metavar="STROKES", help="file of strokes (.json), or drawing (.svg)")
     parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
     parser.add_argument(
         "--camera", type=Path, metavar="JSON", help="camera of the strokes, in place of that of their file"
@@ -35,6 +36,12 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--recognition", choices=("ours", "paper"), help="method that recognises features (default: ours)"
+    )
+    parser.add_argument(
+        "--relative",
+        metavar="auto|off|NEUTRAL.svg",
+        help="neutral face by which a drawing is judged: its layer 'neutral' or an assumed one (auto, the default), "
+        "none (off: lines are taken as they are), or a drawing of it",
     )
     add_spread(parser, "that of the session, else 0.5")
     parser.add_argument("--report", type=Path, metavar="R.json", help="also write features, points and probabilities")
@@ -50,7 +57,17 @@ def run(options: argparse.Namespace) -> int:
         check_not_input(options.report, options.what, options.strokes, options.camera)
         if options.report.absolute() == options.output.absolute():
             raise FacePoserError(f"'{options.report}' is also the output; give the report another name.")
+    is_drawing = options.strokes.suffix.lower() == ".svg"
+    if not is_drawing and options.relative is not None:
+        raise FacePoserError("--relative is for drawings (.svg); strokes of a .json file are taken as they are.")
+    if is_drawing and options.recognition is not None:
+        raise FacePoserError(
+            "--recognition is for strokes of a .json file; the lines of a drawing are judged together."
+        )
+    if is_drawing:
+        return _run_drawing(options)
     from faceposer.cli.opening import open_with_remark
+    from faceposer.files.writing import write_json
     from faceposer.session.report import sketch_report
     from faceposer.session.sketch_strokes import add_strokes
     from faceposer.sketch.strokes_file import read_strokes
@@ -74,12 +91,63 @@ def run(options: argparse.Namespace) -> int:
     seconds = time.perf_counter() - began
     session.save(options.output, strokes[-1].camera)
     if options.report is not None:
-        write_text(options.report, json.dumps(sketch_report(recognised, seconds), indent=1) + "\n", "report")
+        write_json(options.report, sketch_report(recognised, seconds), "report")
     for i, found in enumerate(recognised):
         print(printable(f"stroke {i}: {_described(found)}"))
     count = sum(found.best is not None for found in recognised)
     print(f"{options.output} written: {count} of {len(strokes)} strokes recognised, {seconds:.1f} s")
     return 0
+
+
+def _run_drawing(options: argparse.Namespace) -> int:
+    """Pose the face by a drawing."""
+    from faceposer.cli.opening import open_with_remark
+    from faceposer.files.writing import write_json
+    from faceposer.model.framing import face_view
+    from faceposer.session.drawings import Relative, add_sketches, drawing_report, read_drawing
+    from faceposer.solve.camera_io import read_camera
+
+    relative = Relative.of(options.relative or "auto")
+    check_not_input(options.output, relative.neutral)
+    session = open_with_remark(options.what)
+    character = session.model.character
+    size = _DRAWING_SIZE
+    camera = face_view(character).camera(size) if options.camera is None else read_camera(options.camera, character)
+    if options.spread is not None:
+        session.set_spread(options.spread)
+    if options.method is not None:
+        session.set_sketch_method(options.method)
+    session.wait()
+    line = ProgressLine()
+    began = time.perf_counter()
+    try:
+        found, sketches = read_drawing(session.model, options.strokes, camera, relative, line.progress)
+        add_sketches(session, sketches, options.strokes.name)
+        session.wait(timeout=600.0)
+    finally:
+        line.clear()
+    seconds = time.perf_counter() - began
+    session.save(options.output, camera)
+    if options.report is not None:
+        write_json(options.report, drawing_report(found, seconds), "report")
+    for i, stroke in enumerate(found.strokes):
+        print(printable(f"line {i}{f' ({stroke.name})' if stroke.name else ''}: {_line_described(stroke)}"))
+    for remark in found.remarks:
+        print(printable(remark))
+    print(f"{options.output} written: {len(sketches)} of {len(found.strokes)} lines are features, {seconds:.1f} s")
+    return 0
+
+
+def _line_described(stroke: Any) -> str:
+    """Return a phrase for the line ``stroke`` of a drawing."""
+    if stroke.joined is not None:
+        return f"continues line {stroke.joined}"
+    if stroke.only_aligns:
+        return f"{stroke.stroke.feature or 'nose'}, used to align the drawing"
+    if stroke.candidate is None:
+        return "no feature"
+    rest = f", else {stroke.runner_up.feature}" if stroke.runner_up is not None else ""
+    return f"{stroke.candidate.feature} ({100.0 * stroke.candidate.probability:.0f} %{rest})"
 
 
 def _described(found: Any) -> str:

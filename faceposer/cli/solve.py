@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread
+from faceposer.cli.arguments import add_contact_option, add_materials_option, add_spread, output_path
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_not_input, check_output
 
@@ -18,8 +18,12 @@ def add_parser(commands: Any) -> None:
         NAME, help="solve the pose of a session", description="Solve a session and write the posed face."
     )
     parser.add_argument("session", type=Path, metavar="SESSION", help="session file (docs/session-format.md)")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.obj", required=True, help="posed mesh to write")
-    parser.add_argument("--report", type=Path, metavar="R.json", help="also write energy, residuals and ARKit weights")
+    parser.add_argument(
+        "-o", "--output", type=output_path, metavar="OUT.obj", required=True, help="posed mesh to write"
+    )
+    parser.add_argument(
+        "--report", type=output_path, metavar="R.json", help="also write energy, residuals and ARKit weights"
+    )
     add_spread(parser, "that of the session")
     add_contact_option(parser)
     add_materials_option(parser)

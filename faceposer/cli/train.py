@@ -4,10 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from faceposer.cli.arguments import number, output_path, whole_number
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import check_new_folder, check_not_input, check_output
+from faceposer.files.atomic import check_not_input, check_output
 
 NAME = "train"
 
@@ -25,15 +26,17 @@ def add_parser(commands: Any) -> None:
         "--rig", type=Path, metavar="FILE|DIR", help="glTF file (.glb, .gltf, .vrm) or folder with ARKit shapes"
     )
     source.add_argument("--examples", type=Path, metavar="DIR|NPZ", help="example meshes of the same topology")
-    source.add_argument("--markers", type=Path, metavar="C3D|CSV", help="motion of markers on a performer's face")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.npz", required=True, help="character to write")
+    source.add_argument(
+        "--markers", type=Path, metavar="FILE", help="motion of markers on a performer's face (.c3d, .csv, .trc)"
+    )
+    parser.add_argument("-o", "--output", type=output_path, metavar="OUT.npz", required=True, help="character to write")
     parser.add_argument(
         "--capture",
         type=Path,
-        metavar="CSV",
+        metavar="FILE",
         nargs="+",
         default=[],
-        help="performances from which the prior of a rig is learned",
+        help="performances (.csv, .txt, .json, .glb) from which the prior of a rig is learned",
     )
     parser.add_argument("--neutral", type=Path, metavar="MESH", help="neutral mesh (default: found by its name)")
     parser.add_argument(
@@ -45,10 +48,17 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--weights-range",
-        type=float,
+        type=number,
         choices=(1.0, 100.0),
         metavar="1|100",
         help="full weight of the expressions of a VRM avatar (default: by its version and largest weight)",
+    )
+    parser.add_argument(
+        "--sides",
+        choices=("auto", "as-named", "exchanged"),
+        default="auto",
+        help="left and right in the names of a rig's shapes: exchanged where they move the other side of the face, as "
+        "named from the viewer's side; always as they are named; or always exchanged (default: auto)",
     )
     parser.add_argument("--marker-map", type=Path, metavar="JSON", help="place of each marker on the scan")
     parser.add_argument(
@@ -76,22 +86,27 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--title", help="display name (default: from the name)")
     parser.add_argument("--credits", default="", help="origin and licence of the character")
     parser.add_argument(
-        "--summary", type=Path, metavar="DIR", help="also write a summary of the training as summary.json and .png"
+        "--summary",
+        type=output_path,
+        metavar="DIR",
+        help="also write a summary of the training as summary.json and .png",
     )
 
 
 def _count(text: str) -> int:
-    if not text.isdigit() or not 1 <= int(text) <= 500:
+    count = whole_number(text, 1, 500)
+    if count is None:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to 500")
-    return int(text)
+    return count
 
 
 def _regions(text: str) -> str | int:
     if text in ("face", "whole"):
         return text
-    if not text.isdigit() or not 2 <= int(text) <= 12:
+    count = whole_number(text, 2, 12)
+    if count is None:
         raise argparse.ArgumentTypeError(f"'{text}' is not 'face', 'whole' or a number from 2 to 12")
-    return int(text)
+    return count
 
 
 def run(options: argparse.Namespace) -> int:
@@ -100,11 +115,12 @@ def run(options: argparse.Namespace) -> int:
     check_not_input(options.output, options.examples, options.scan)
     if options.summary is not None and paths.exists(options.summary) and not paths.is_dir(options.summary):
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
-    if options.summary is not None:
-        check_new_folder(options.summary)
     from faceposer.model.character_file import save_character
     from faceposer.training.request import TrainingRequest, plain_name, train
-    from faceposer.training.summary import text_of_summary, write_summary
+    from faceposer.training.summary import check_summary, text_of_summary, write_summary
+
+    if options.summary is not None:
+        check_summary(options.summary, has_plots=options.rig is None)
 
     kind = next(kind for kind in ("rig", "examples", "markers") if getattr(options, kind) is not None)
     name = options.name or plain_name(options.output)
@@ -125,6 +141,7 @@ def run(options: argparse.Namespace) -> int:
         credits=options.credits,
         align_shapes=options.align_shapes == "auto",
         weights_range=options.weights_range,
+        sides=options.sides,
     )
     line = ProgressLine()
     try:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option
+from faceposer.cli.arguments import add_contact_option, add_materials_option, add_rate_option, output_path
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import FacePoserError, printable
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_not_input
 from faceposer.files.paths import folder_of
 
@@ -45,7 +45,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "-o",
         "--output",
-        type=Path,
+        type=output_path,
         metavar="OUT",
         required=True,
         help="session, or weights for the animation of a capture (.json); or .csv, .glb, .gif, .mp4, .obj, .ply, .png",
@@ -82,7 +82,7 @@ def add_parser(commands: Any) -> None:
 
 
 def _frames(text: str) -> slice:
-    match = re.fullmatch(r"(\d{1,9})(?:(:)(\d{0,9}))?", text)
+    match = re.fullmatch(r"([0-9]{1,9})(?:(:)([0-9]{0,9}))?", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"'{text}' is not a frame such as 120 or a range such as 100:200")
     first = int(match[1])
@@ -120,7 +120,8 @@ def run(options: argparse.Namespace) -> int:
     moving = len(performance) > 1
     if moving and not holds_animation:
         raise FacePoserError(
-            f"The source has {len(performance)} frames, but a '{suffix}' file holds one; choose a frame with --frames, "
+            f"The source has {counted(len(performance), 'frame')}, but a '{suffix}' file holds one; choose a "
+            f"frame with --frames, "
             f"or an output that ends in one of {', '.join(offered(lambda form: form.animated))}."
         )
     began = time.perf_counter()
@@ -131,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
         _write(options.output, options.target, target, result, line, options)
     finally:
         line.clear()
-    content = f"{len(result)} frames" if len(result) > 1 else "pose"
+    content = f"{counted(len(result), 'frame')}" if len(result) > 1 else "pose"
     print(f"{options.output} written: {content} by {options.method}, {spent:.1f} ms per frame")
     return 0
 
@@ -155,9 +156,10 @@ class _Source:
 
 def _source(options: argparse.Namespace) -> _Source:
     from faceposer.cli.opening import open_with_remark, print_notes
-    from faceposer.interchange.reading import MESHES, WEIGHTS, read_performance, read_pose
+    from faceposer.interchange.reading import MESHES, read_performance, read_pose
     from faceposer.model.performance import Performance
     from faceposer.session.opening import load_model
+    from faceposer.training.recordings import WEIGHTS
 
     path: Path = options.source
     suffix = path.suffix.lower()
@@ -187,7 +189,7 @@ def _source(options: argparse.Namespace) -> _Source:
     poses = read.performance.coefficients
     chosen = poses[options.frames] if options.frames is not None else poses
     if not len(chosen):
-        raise FacePoserError(f"'{path}' has {len(poses)} frames, none of them in the range of --frames.")
+        raise FacePoserError(f"'{path}' has {counted(len(poses), 'frame')}, none of them in the range of --frames.")
     performance = Performance(chosen, read.performance.rate)
     return _Source(model, performance, performance)
 
@@ -195,7 +197,7 @@ def _source(options: argparse.Namespace) -> _Source:
 def _holds_weights(path: Path) -> bool:
     """Return True if ``path`` has weights, of the program or another tool; all else is left to the session reader."""
     from faceposer.files.reading import open_text
-    from faceposer.interchange.weights_json import FORMAT
+    from faceposer.training.weights_file import FORMAT
 
     try:
         with open_text(path, "utf-8-sig") as file:

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.evaluation.setting import StudyContext
 from faceposer.files.reading import open_text, read_bytes
 from faceposer.model.character import ARKIT_SHAPES, Character
@@ -159,7 +159,8 @@ def _part(take: Capture, shares: Sequence[float]) -> Capture:
     begin, end = (round(share * len(take.weights)) for share in shares)
     if end - begin < 2:
         raise FacePoserError(
-            f"A capture of {len(take.weights)} frames is too short to be split into training and test frames; give a "
+            f"A capture of {counted(len(take.weights), 'frame')} is too short to be split into training and "
+            f"test frames; give a "
             "longer one, or test on another with --capture-test."
         )
     return replace(take, weights=take.weights[begin:end])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.evaluation.methods.method import Method, Parameters
 from faceposer.evaluation.methods.registry import METHODS
 from faceposer.evaluation.processes import processes
@@ -188,7 +188,7 @@ def _gather(methods: Sequence[str], results: Any, tuned: dict[str, Tuned], say: 
             say(result)
         else:
             tuned[name] = result
-            say(f"{name}: {len(result['tried'])} settings tried")
+            say(f"{name}: {counted(len(result['tried']), 'setting')} tried")
 
 
 def write_tuned(folder: Path, tuned: dict[str, Tuned], command: str) -> None:

@@ -58,7 +58,7 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     Raises:
         FacePoserError: If a file cannot be written; the old files are then restored.
     """
-    files = [_replaced(path, kind) for path in paths]
+    files = [_replaced(path, kind if path == paths[-1] else "file") for path in paths]
     whole = [path_checks.resolved(file) for file in files]
     if len(set(whole)) < len(whole):
         names = " and ".join(f"'{path}'" for path, file in zip(paths, whole, strict=True) if whole.count(file) > 1)
@@ -118,13 +118,11 @@ def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
     If ``path`` is a link, the empty folder that it leads to is replaced, and the link remains.
 
     Raises:
-        FacePoserError: If ``path`` is not an empty folder, or if it cannot be written.
+        FacePoserError: If ``path`` is not an empty folder with a name, or if it cannot be written.
     """
-    place = _followed(path, kind)
+    place = _new_folder(path, kind)
     temporary = temporary_path(place)
     try:
-        if path_checks.exists(place) and (not path_checks.is_dir(place) or any(place.iterdir())):
-            raise FacePoserError(f"'{path}' exists and is not an empty folder; give the name of a new one.")
         remove_left(place.parent)
         temporary.mkdir()
         yield temporary
@@ -134,6 +132,12 @@ def atomic_folder(path: Path, kind: str = "folder") -> Iterator[Path]:
         _sync_folder(place.parent)
     except OSError as error:
         raise FacePoserError(_cannot(kind, path, error)) from error
+    except FacePoserError as error:
+        # Writers of the files in it name the temporary folder.
+        said = str(error).replace(str(temporary), str(path))
+        if said == str(error):
+            raise
+        raise FacePoserError(said) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -191,6 +195,17 @@ def check_folder_of(path: Path) -> None:
         raise FacePoserError(f"The folder '{folder}' of the output is not writable; choose another.")
 
 
+def check_sequence_folder(path: Path) -> None:
+    """Check that ``atomic_folder`` could write the folder ``path``, before any work is done for it.
+
+    Raises:
+        FacePoserError: If it could not.
+    """
+    if reason := path_checks.problem(path):
+        raise FacePoserError(f"The output '{path}' cannot be written: {reason}.")
+    check_folder_of(_new_folder(path, "output"))
+
+
 def check_new_folder(path: Path) -> None:
     """Check that the folder ``path`` could be written, or created with its parents, before any work is done for it.
 
@@ -206,6 +221,24 @@ def check_new_folder(path: Path) -> None:
         raise FacePoserError(f"The folder '{path}' cannot be created, since '{folder}' is a file.")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FacePoserError(f"The folder '{folder}' is not writable; choose another.")
+
+
+def _new_folder(path: Path, kind: str) -> Path:
+    """Return the new or empty folder that a write to ``path`` replaces, ``path`` or what it leads to.
+
+    Raises:
+        FacePoserError: If it has no name of its own, as "." has none, or is not an empty folder.
+    """
+    if path.name in ("", ".."):
+        raise FacePoserError(f"'{path}' is not the name of a new folder; give a name, such as '{path / 'frames'}'.")
+    place = _followed(path, kind)
+    try:
+        is_free = not path_checks.exists(place) or (path_checks.is_dir(place) and not any(place.iterdir()))
+    except OSError as error:
+        raise FacePoserError(_cannot(kind, path, error)) from error
+    if not is_free:
+        raise FacePoserError(f"'{path}' exists and is not an empty folder; give the name of a new one.")
+    return place
 
 
 def _replaced(path: Path, kind: str) -> Path:

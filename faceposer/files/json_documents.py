@@ -30,6 +30,18 @@ _ALL_ELSE = bytes(set(range(256)) - set(_BRACKETS + b'"'))
 _PLURALS = {bool: "flags", int: "whole numbers", float: "numbers", str: "texts", list: "lists", tuple: "lists"}
 # A text with a lone surrogate, which JSON can contain, cannot be compared with the names of keys and choices.
 _UNFIT = (msgspec.ValidationError, UnicodeEncodeError)
+# What the parser of Python calls the errors of texts.
+_REASONS = {
+    "Extra data": "more text follows the end",
+    "Expecting value": "a value is missing",
+    "Expecting ',' delimiter": "a comma is missing",
+    "Expecting ':' delimiter": "a colon is missing",
+    "Expecting property name": "a key in double quotes is missing",
+    "Illegal trailing comma": "a comma is too many",
+    "Unterminated string": "a text has no closing quote",
+    "Invalid control character": "a text contains a line end or control character",
+    "Invalid \\": "a text contains a wrong escape",
+}
 _SHORT = reprlib.Repr()
 _SHORT.maxother = _SHORT.maxstring = 40
 
@@ -67,7 +79,13 @@ class UnreadableError(FacePoserError):
     """A file could not be read; its content may be valid."""
 
 
-def read_json(path: Path, kind: str, parse: Callable[[Any], T], max_bytes: int = 2**20, unique_keys: bool = False) -> T:
+def read_json(
+    path: Path,
+    kind: str,
+    parse: Callable[[Any], T],
+    max_bytes: int = 2**20,
+    prepare: Callable[[bytes], bytes] = bytes,
+) -> T:
     """Return the result of ``parse`` for the JSON in the file ``path``: UTF-8, with or without a byte order mark.
 
     Args:
@@ -75,14 +93,16 @@ def read_json(path: Path, kind: str, parse: Callable[[Any], T], max_bytes: int =
         kind: Noun for messages, such as "session".
         parse: Converts the data; raises ``FacePoserError`` with a sentence about the content.
         max_bytes: Maximum size of the file.
-        unique_keys: True to reject objects with duplicate keys; else the last value counts.
+        prepare: Converts the content of the file to such JSON.
+
+    Objects with duplicate keys are rejected, since all values but one would be lost.
 
     Raises:
         UnreadableError: If the file cannot be read.
         FacePoserError: If the content is invalid; the message names the file and the place in it.
     """
     try:
-        data = parse_json(read_bytes(path, max_bytes), unique_keys)
+        data = parse_json(prepare(read_bytes(path, max_bytes)), unique_keys=True)
     except RefusedError as error:
         raise FacePoserError(f"The {kind} '{path}' cannot be read: {error.strerror}.") from error
     except OSError as error:
@@ -148,7 +168,8 @@ def parse_json(content: bytes, unique_keys: bool = False) -> Any:
         return _parse(content, unique_keys)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        raise FacePoserError(f"not valid JSON at {place} ({error.msg})") from error
+        reason = next((text for begin, text in _REASONS.items() if error.msg.startswith(begin)), "")
+        raise FacePoserError(f"not valid JSON at {place}{f' ({reason})' if reason else ''}") from error
     except UnicodeDecodeError as error:
         raise FacePoserError("it is not a text file in UTF-8") from error
     except RecursionError as error:

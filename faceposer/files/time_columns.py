@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -17,23 +17,34 @@ _UNITS = {
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisec", "millisecond", "milliseconds"), 1e-3),
     **dict.fromkeys(("us", "usec", "micros", "microsecond", "microseconds"), 1e-6),
     **dict.fromkeys(("ns", "nsec", "nanos", "nanosecond", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
 }
 _UNIT_WORDS = "|".join(sorted(_UNITS, key=len, reverse=True))
 _TIME = re.compile(
     r"(?:(?:sample|frame|capture|media|video|local|system|device|unix|start|elapsed|rel|relative|abs|absolute)?"
-    rf"(?:time|timecode|timestamp|t|tc|elapsed|clock|datetime|pts)|(?=(?:{_UNIT_WORDS})$)(?!s$))(?:in)?({_UNIT_WORDS})?"
+    r"(?:time|timecode|timestamp|t|tc|elapsed|clock|datetime|pts|zeit|zeitstempel|zeitcode|temps|tiempo|tempo|tid|tijd)"
+    rf"|(?=(?:{_UNIT_WORDS})$)(?!(?:s|min)$))(?:in)?({_UNIT_WORDS})?"
 )
-_FRAME = re.compile(r"(?:frames?|frameid|frameno|framenr|framenum|framenumber|frameindex|fieldno|index)")
+_STEP = re.compile(rf"(?:dt|delta|deltat|deltatime|timedelta|timestep|framedelta)(?:in)?({_UNIT_WORDS})?")
+_FRAME = re.compile(r"(?:frames?|frameid|frameno|framenr|framenum|framenumber|frameindex|frameidx|fieldno|index)")
 _TIMECODE = re.compile(r"(\d{1,2})[:;](\d{1,2})[:;](\d{1,2})([:;])(\d{1,3}(?:[.,]\d*)?)")
-_CLOCK = re.compile(r"(?:(\d{1,2}):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+)?)")
+_CLOCK = re.compile(r"(?:(\d{1,2}):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+)?)(?:\s*([AaPp])\.?[Mm]\.?)?")
+# HH:MM:SS.FF, which may be a clock time in hundredths of a second.
+_DOTTED = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2})[.,](\d\d)")
+# Days before clock times in orders other than that of ISO 8601.
+_DAY_BEFORE = re.compile(r"\d{1,4}[./-]\d{1,2}[./-]\d{1,4}[T ,]+(?=\d)")
 
 # Bases of timecodes; 1000 counts milliseconds.
 _BASES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 240, 1000)
 _BASE_OF_APPS = 60
 _DROPPING = (30, 60)
+# Deviation of steps from each other, as a part of a step, from which timecodes are read without parts of frames.
+_UNEVEN = 0.05
 _DAY = 86_400.0
 # Steps of samples in seconds, from 240 to 5 a second.
 _PLAUSIBLE = (1.0 / 260.0, 0.21)
+# Steps of keys without a unit, of keys with one, and the samples below which they are keys rather than a mistaken unit.
+_KEYS, _LONGEST_STEP, _LONGEST_KEYS, _FEW = 5.0, 10.0, 120.0, 10
 # Nanoseconds since 1970 in the year 5138.
 _LATEST = 1e20
 _SCALES = (1.0, 1e-3, 1e-6, 1e-9)
@@ -47,15 +58,26 @@ class ColumnTimes:
     Attributes:
         seconds: Shape (N,); NaN where a cell has no time.
         note: An assumption that was needed, one sentence, or "".
+        lost: A sentence about cells that are not understood, or "".
     """
 
     seconds: Array
     note: str = ""
+    lost: str = ""
 
 
 def is_time(heading: str) -> bool:
-    """Return True if a column with this ``heading`` has times."""
-    return _time_heading(heading) is not None
+    """Return True if a column with this ``heading`` has times, or the time since the row before."""
+    return _time_heading(heading) is not None or _is_step(heading)
+
+
+def _is_step(heading: str) -> bool:
+    return len(heading) <= 64 and _STEP.fullmatch(_letters(heading)) is not None
+
+
+def _step_unit(heading: str) -> float | None:
+    match = _STEP.fullmatch(_letters(heading))
+    return None if match is None or match[1] is None else _UNITS[match[1]]
 
 
 def is_frame_number(heading: str) -> bool:
@@ -74,18 +96,61 @@ def times_of(heading: str, cells: Sequence[str]) -> ColumnTimes | None:
     Timecodes (HH:MM:SS:FF), clock times (HH:MM:SS.fff), dates with times, and numbers are understood. The base of
     timecodes is inferred from where a second ends, the unit of numbers from the heading or from their steps.
     """
-    first = next((cell.strip() for cell in cells if cell.strip()), "")
+    cells = [cell.strip() for cell in cells]
+    times = _times_of(heading, cells)
+    if times is None:
+        return None
+    lost = [i for i in np.flatnonzero(np.isnan(times.seconds)).tolist() if cells[i]]
+    if not lost:
+        return times
+    number = "A time" if len(lost) == 1 else f"{len(lost)} times"
+    said = (
+        f"{number} in its column '{shown_heading(heading)}' cannot be read ('{shown_heading(cells[lost[0]])}' of "
+        f"sample {lost[0] + 1}); samples without a time were put between their neighbours."
+    )
+    return replace(times, lost=said)
+
+
+def _times_of(heading: str, cells: Sequence[str]) -> ColumnTimes | None:
+    first = next((cell for cell in cells if cell), "")
     if _TIMECODE.fullmatch(first):
-        return _of_timecodes(cells)
-    if _CLOCK.fullmatch(first):
-        return _whole_days([_clock_seconds(cell.strip()) for cell in cells])
+        return _of_timecodes([_TIMECODE.fullmatch(cell) for cell in cells])
+    if _DOTTED.fullmatch(first) and _counts_frames(cells):
+        return _of_timecodes([_TIMECODE.fullmatch(re.sub("[.,]", ":", cell, count=1)) for cell in cells])
     if decimal_number(first) is not None:
-        values = [decimal_number(cell) for cell in cells]
-        return _of_numbers(heading, np.array([np.nan if value is None else value for value in values]))
+        values = np.array([np.nan if (value := decimal_number(cell)) is None else value for cell in cells])
+        return _of_steps(values, _step_unit(heading)) if _is_step(heading) else _of_numbers(heading, values)
     if _date_seconds(first) is not None:
-        dates = [_date_seconds(cell.strip()) for cell in cells]
+        dates = [_date_seconds(cell) for cell in cells]
         return ColumnTimes(np.array([np.nan if date is None else date for date in dates]))
+    if _CLOCK.fullmatch(_without_day(first)):
+        return _whole_days([_clock_seconds(_without_day(cell)) for cell in cells])
     return None
+
+
+def _without_day(text: str) -> str:
+    return _DAY_BEFORE.sub("", text[:40], count=1)
+
+
+def _counts_frames(cells: Sequence[str]) -> bool:
+    """Return True if what follows the seconds in HH:MM:SS.FF counts frames, not hundredths of a second."""
+    parts = [match.groups() for cell in cells if (match := _DOTTED.fullmatch(cell))]
+    values = np.array(parts, dtype=np.float64)
+    if len(values) < 3 or len(values) < sum(map(bool, cells)) // 2 or values[:, 3].max() >= _BASE_OF_APPS:
+        return False
+    seconds = values[:, :3] @ [3600.0, 60.0, 1.0]
+    within = (np.diff(values[:, 3]) > 0.0) & (np.diff(seconds) == 0.0)
+    over = np.diff(seconds) == 1.0
+    if not within.any():
+        return False
+    step = float(np.median(np.diff(values[:, 3])[within]))
+    if not over.any():
+        # Within a second: no camera takes a hundred samples a second that end in hundredths.
+        return step == 1.0
+    base, certain = _base(seconds, values[:, 3])
+    return (
+        certain and base < 100 and float(np.median(np.diff(seconds + values[:, 3] / 100.0)[over])) > 2.0 * step / 100.0
+    )
 
 
 def shown_heading(heading: str) -> str:
@@ -128,17 +193,46 @@ def _of_numbers(heading: str, values: Array) -> ColumnTimes | None:
     unit = stated[0] if stated is not None else None
     if not len(steps):
         return ColumnTimes(values * (unit or 1.0))
-    usual = float(np.median(steps))
+    # Of few steps, the middle of two says nothing about either.
+    usual = float(np.percentile(steps, 50.0, method="lower"))
     # A stated unit is believed unless it gives a rate that no recording has.
-    if unit is not None and 1e-3 <= usual * unit <= 10.0:
+    longest = _LONGEST_STEP if len(values) >= _FEW else _LONGEST_KEYS
+    if unit is not None and 1e-3 <= usual * unit <= longest:
         return ColumnTimes(values * unit)
     fitting = [scale for scale in _SCALES if _PLAUSIBLE[0] <= usual * scale <= _PLAUSIBLE[1]]
+    if not fitting and (unit is not None or _are_numbers(values, steps)):
+        return None
+    # Poses at times seconds apart.
+    keys = [scale for scale in _SCALES if _PLAUSIBLE[1] < usual * scale <= _KEYS]
+    if not fitting and keys:
+        said = f"The times in its column '{shown_heading(heading)}' were read as {_SCALE_NAMES[keys[0]]}."
+        return ColumnTimes(values * keys[0], said)
     if not fitting:
         return None
     note = ""
     if unit is not None or fitting[0] != 1.0:
         note = f"The times in its column '{shown_heading(heading)}' were read as {_SCALE_NAMES[fitting[0]]}."
     return ColumnTimes(values * fitting[0], note)
+
+
+def _are_numbers(values: Array, steps: Array) -> bool:
+    """Return True for equal whole ``steps`` of 1, or of many ``values``, which rather number frames."""
+    whole = bool((np.mod(values[np.isfinite(values)], 1.0) == 0.0).all() and np.ptp(steps) == 0.0)
+    return whole and (steps[0] == 1.0 or len(values) >= _FEW)
+
+
+def _of_steps(values: Array, unit: float | None) -> ColumnTimes | None:
+    """Return times for ``values`` that are the time since the row before, in seconds or the ``unit``."""
+    known = values[np.isfinite(values) & (values > 0.0)]
+    if not len(known):
+        return None
+    usual = float(np.median(known))
+    fitting = [scale for scale in ([unit] if unit else _SCALES) if _PLAUSIBLE[0] <= usual * scale <= _KEYS]
+    if not fitting:
+        return None
+    # The first row has the time since a row that is not in the file.
+    steps = np.where(np.isfinite(values), values, usual)
+    return ColumnTimes(fitting[0] * (np.cumsum(steps) - steps[0]))
 
 
 def _date_seconds(text: str) -> float | None:
@@ -154,7 +248,10 @@ def _clock_seconds(text: str) -> float:
     match = _CLOCK.fullmatch(text)
     if match is None:
         return np.nan
-    return 3600.0 * float(match[1] or 0) + 60.0 * float(match[2]) + float(match[3].replace(",", "."))
+    hours = float(match[1] or 0)
+    if match[4]:
+        hours = hours % 12.0 + (12.0 if match[4] in "Pp" else 0.0)
+    return 3600.0 * hours + 60.0 * float(match[2]) + float(match[3].replace(",", "."))
 
 
 def _whole_days(seconds: Sequence[float] | Array) -> ColumnTimes:
@@ -170,11 +267,10 @@ def _past_midnight(seconds: Array) -> Array:
     return result
 
 
-def _of_timecodes(cells: Sequence[str]) -> ColumnTimes:
-    parts = np.full((len(cells), 4), np.nan)
+def _of_timecodes(found: Sequence[re.Match[str] | None]) -> ColumnTimes:
+    parts = np.full((len(found), 4), np.nan)
     marked = False
-    for row, cell in enumerate(cells):
-        match = _TIMECODE.fullmatch(cell.strip())
+    for row, match in enumerate(found):
         if match is not None and float(match[2]) < 60 and float(match[3]) < 60:
             parts[row] = [float(match[1]), float(match[2]), float(match[3]), float(match[5].replace(",", "."))]
             marked = marked or match[4] == ";"
@@ -182,6 +278,8 @@ def _of_timecodes(cells: Sequence[str]) -> ColumnTimes:
     frames = parts[:, 3]
     known = np.isfinite(seconds)
     base, certain = _base(seconds[known], frames[known])
+    if _counts_are_even(base * seconds[known], frames[known]):
+        frames = np.floor(frames)
     note = ""
     if not certain:
         note = f"Its timecodes do not tell how many frames they count per second; {base} were assumed."
@@ -191,6 +289,17 @@ def _of_timecodes(cells: Sequence[str]) -> ColumnTimes:
         number = base * seconds + frames - base / 15.0 * (minutes - np.floor(minutes / 10.0))
         return ColumnTimes(number * 1001.0 / (1000.0 * base), note)
     return ColumnTimes(seconds + frames / base, note)
+
+
+def _counts_are_even(whole: Array, frames: Array) -> bool:
+    """Return True if whole ``frames`` follow each other more evenly than with their parts, which are of no moment."""
+    fine, coarse = np.diff(whole + frames), np.diff(whole + np.floor(frames))
+    if len(coarse) < 2 or (coarse <= 0.0).any():
+        return False
+    usual = float(np.median(coarse))
+    # Gaps count no more than other steps.
+    spread_fine, spread = (float(np.minimum(np.abs(steps - usual), usual).mean()) for steps in (fine, coarse))
+    return spread_fine > _UNEVEN * usual and spread < 0.5 * spread_fine
 
 
 def _base(seconds: Array, frames: Array) -> tuple[int, bool]:

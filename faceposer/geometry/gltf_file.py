@@ -16,8 +16,9 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError, short_name
-from faceposer.files.json_documents import parse_json
+from faceposer.errors import FacePoserError, counted, short_name, there_are
+from faceposer.files import paths
+from faceposer.files.json_documents import parse_json, shown
 from faceposer.files.reading import read_bytes
 
 _MAX_BYTES = 1 << 30
@@ -26,10 +27,20 @@ _MAX_UNBACKED = 1_000_000
 #: Bound on numbers in the JSON, which keeps products of a few of them finite.
 _LARGEST = 1e30
 _MAGIC = b"glTF"
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:|//")
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 #: Number of components by accessor type, and NumPy type by component type (3.6.2.2).
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+#: Extensions that may be required: the coordinates of meshes and the images of textures do not need them, or they are
+#: read.
+_KNOWN_EXTENSIONS = (
+    *("KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif"),
+    *("MSFT_texture_dds", "KHR_lights_punctual", "KHR_xmp", "KHR_xmp_json_ld", "KHR_animation_pointer", "VRM"),
+    *("KHR_node_visibility", "EXT_lights_image_based", "MSFT_lod"),
+)
+_IGNORED = ("KHR_materials_", "VRMC_", "EXT_materials_", "ADOBE_materials_", "KHR_techniques_")
+_COMPRESSION = {"draco": "Draco", "meshopt": "meshopt"}
 
 
 class GltfObject:
@@ -59,7 +70,7 @@ class GltfObject:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= high:
-            reason = "is missing" if value is None else f"is {str(value)[:40]!r}, not an integer from 0 to {high}"
+            reason = "is missing" if value is None else f"is {_said(value)}, not an integer from 0 to {high}"
             raise self.error(f"'{key}' {reason}")
         return value
 
@@ -120,6 +131,10 @@ class GltfObject:
         return [GltfObject(self._path, f"{place}[{i}]", v) for i, v in enumerate(values)]
 
 
+def _said(value: Any) -> str:
+    return f"the text {shown(value)}" if isinstance(value, str) else shown(value)
+
+
 def clean_name(text: str) -> str:
     """Return ``text`` in one line, without lone surrogates, which cannot be encoded; otherwise to the letter."""
     return re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029]+", " ", text.encode("utf-8", "replace").decode("utf-8")).strip()
@@ -159,6 +174,23 @@ class GltfFile:
         version = str(document["asset"].get("version"))
         if version.partition(".")[0] != "2":
             raise FacePoserError(f"The rig '{path}' is glTF {version[:20]}; export it as glTF 2.")
+        self._check_required()
+
+    def _check_required(self) -> None:
+        """Raise a FacePoserError if the file requires an extension without which its meshes cannot be read (3.12)."""
+        required = self.root.names("extensionsRequired")
+        compressed = {name: kind for name in required for key, kind in _COMPRESSION.items() if key in name.lower()}
+        if compressed:
+            raise FacePoserError(
+                f"The rig '{self.path}' is compressed with {next(iter(compressed.values()))}, which cannot be read; "
+                "export it without compression."
+            )
+        unknown = [name for name in required if name not in _KNOWN_EXTENSIONS and not name.startswith(_IGNORED)]
+        if unknown:
+            raise FacePoserError(
+                f"The rig '{self.path}' requires the extension {short_name(unknown[0])!r} of glTF, which cannot be "
+                "read; export it without this extension."
+            )
 
     def _read_file(self, path: Path, noun: str) -> bytes:
         """Return the bytes of a file; all files together must not exceed 1 GB."""
@@ -171,7 +203,7 @@ class GltfFile:
     def _chunks(self, data: memoryview) -> tuple[memoryview, memoryview | None]:
         """Return the JSON chunk and the binary chunk, if any, of a GLB (4.4)."""
         truncated = FacePoserError(
-            f"The rig '{self.path}' is truncated after {len(data)} bytes; copy or export it again."
+            f"The rig '{self.path}' is truncated after {counted(len(data), 'byte')}; copy or export it again."
         )
         if len(data) < 20:
             raise truncated
@@ -206,7 +238,8 @@ class GltfFile:
         entries = self.all(kind)
         index = by.integer(key)
         if index >= len(entries):
-            raise by.error(f"'{key}' is {index}, but there are {len(entries)} {kind}")
+            one = kind.removesuffix("es" if kind == "meshes" else "s")
+            raise by.error(f"'{key}' is {index}, but {there_are(len(entries), one, kind)}")
         return entries[index]
 
     def resource(self, by: GltfObject, uri: str) -> bytes:
@@ -222,7 +255,7 @@ class GltfFile:
             except (binascii.Error, ValueError) as error:
                 raise by.error("its data URI is not base64") from error
         name = unquote(uri)
-        if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", name):
+        if _URL.match(name):
             raise by.error(f"it is at '{short_name(name)}', not next to the rig")
         path = self.path.parent / name
         try:
@@ -235,6 +268,20 @@ class GltfFile:
                 f"The rig '{self.path}' needs '{str(path)[:200]}' ({by.place}), which cannot be read: {reason}; "
                 "copy it there or export the rig as a single .glb."
             ) from error
+
+    def unusable(self, uri: str) -> str:
+        """Return why the file at ``uri`` cannot be read, as a clause; "" if it can be, or if it is embedded data."""
+        if uri.startswith("data:"):
+            return ""
+        name = unquote(uri)
+        if _URL.match(name):
+            return "it is a URL, and nothing is downloaded; save it next to the file"
+        path = self.path.parent / name
+        if not paths.resolved(path).is_relative_to(paths.resolved(self.path.parent)):
+            return f"it lies outside of the folder '{self.path.parent}'; copy it there"
+        if not paths.exists(path):
+            return paths.problem(path) or f"there is no such file in the folder '{self.path.parent}'; copy it there"
+        return "" if paths.is_file(path) else "it is not a file"
 
     def _buffer(self, by: GltfObject) -> memoryview:
         buffer = self.get("buffers", by, "buffer")
@@ -309,7 +356,7 @@ class GltfFile:
         if accessor.data.get("bufferView") is not None:
             values = self._array(accessor, count, columns, dtype)
         elif count > _MAX_UNBACKED:
-            raise accessor.error(f"it has {count} entries without data, more than {_MAX_UNBACKED}")
+            raise accessor.error(f"it has {counted(count, 'entry', 'entries')} without data, more than {_MAX_UNBACKED}")
         else:
             values = np.broadcast_to(np.zeros(1, dtype), (count, columns))
         if accessor.data.get("sparse") is None:
@@ -319,7 +366,7 @@ class GltfFile:
         indices, replacements = sparse.child("indices"), sparse.child("values")
         index = self._array(indices, number, 1, self._dtype(indices))[:, 0]
         if index.dtype.kind == "f" or (number and int(index.max()) >= count):
-            raise indices.error(f"an index is not one of the accessor's {count} entries")
+            raise indices.error(f"an index is not one of the accessor's {counted(count, 'entry', 'entries')}")
         values = values.copy()
         values[index] = self._array(replacements, number, columns, dtype)
         return values
@@ -340,7 +387,9 @@ class GltfFile:
             raise by.error(f"its entries of {size} bytes overlap with a stride of {stride}")
         end = start + (count - 1) * stride + size if count else start
         if end > len(data):
-            raise by.error(f"its {count} entries end at byte {end} of a buffer view of {len(data)}")
+            raise by.error(
+                f"its {counted(count, 'entry', 'entries')} end at byte {end} of a buffer view of {len(data)}"
+            )
         if count == 0:
             return np.zeros((0, columns), dtype)
         return np.ndarray((count, columns), dtype, buffer=data, offset=start, strides=(stride, dtype.itemsize))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.gltf_expressions import Bind, read_expressions, spelling_key
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
 from faceposer.geometry.gltf_materials import (
@@ -24,6 +24,8 @@ GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
 #: Limits on a face: far more than any has, and less than would exhaust memory.
 MAX_VERTICES = 5_000_000
 MAX_OFFSET_BYTES = 2 << 30
+# Rigs of games and films have up to about a thousand.
+_MOST_TARGETS = 4_000
 _MAX_TRIANGLES = 20_000_000
 _MAX_PIECES = 10_000
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -90,12 +92,17 @@ def read_gltf(path: Path, weights_range: float | None = None) -> MorphMesh:
     if not count:
         raise FacePoserError(f"The scene of the rig '{path}' has no mesh with faces; add the face to its scene.")
     names = dict.fromkeys(name for part in parts for name in part.names)
+    if len(names) > _MOST_TARGETS:
+        raise FacePoserError(
+            f"The rig '{path}' has {len(names)} morph targets; at most {_MOST_TARGETS} are read. Export the face only."
+        )
     expressions = _new_expressions(file, parts, list(names), weights_range)
     n_targets = len(names) + len(expressions.shares)
     size = n_targets * count * 12
     if size > MAX_OFFSET_BYTES:
         raise FacePoserError(
-            f"The rig '{path}' has {n_targets} targets of {count} vertices, which would take "
+            f"The rig '{path}' has {counted(n_targets, 'target')} of {counted(count, 'vertex', 'vertices')}, "
+            f"which would take "
             f"{size >> 20} MB; choose a rig that takes less than {MAX_OFFSET_BYTES >> 20} MB."
         )
     vertices = np.empty((count, 3))
@@ -274,7 +281,9 @@ def _positions(file: GltfFile, part: _Part) -> NDArray[np.float64]:
     assert part.placement is not None
     raw = file.floats(attributes, "POSITION", "VEC3")
     if len(part.placement.matrices) not in (1, len(raw)):
-        raise attributes.error(f"it has joints for {len(part.placement.matrices)} of {len(raw)} vertices")
+        raise attributes.error(
+            f"it has joints for {len(part.placement.matrices)} of {counted(len(raw), 'vertex', 'vertices')}"
+        )
     points = part.placement.points(raw)
     _require_finite(points, attributes, "the position")
     return points

@@ -1,11 +1,12 @@
 """Materials of a glTF file: names, colour textures and texture coordinates."""
 
 from dataclasses import dataclass
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
 from faceposer.geometry.texture_images import TextureReader
 
@@ -72,7 +73,7 @@ def texture_coordinates(
         return None
     uv = file.floats(attributes, channel, "VEC2").astype(np.float64)
     if len(uv) != count:
-        raise attributes.error(f"{len(uv)} texture coordinates for {count} vertices")
+        raise attributes.error(f"{len(uv)} texture coordinates for {counted(count, 'vertex', 'vertices')}")
     if material.transform is not None:
         with np.errstate(over="ignore", invalid="ignore"):
             uv = uv @ material.transform[:2, :2].T + material.transform[:2, 2]
@@ -104,11 +105,18 @@ def read_textures(file: GltfFile, names: list[str], used: set[str]) -> tuple[dic
                 reader.problem(name, f"textures[{texture.integer('index')}]", "it has no image")
                 continue
             image = file.get("images", holder, "source")
-            uri = image.text("uri")
-            title = image.place if not uri or uri.startswith("data:") else uri
+        except FacePoserError:
+            reader.problem(name, texture.place, "it refers to a texture or an image that does not exist")
+            continue
+        uri = image.text("uri")
+        title = image.place if not uri or uri.startswith("data:") else unquote(uri)
+        if uri and (reason := file.unusable(uri)):
+            reader.problem(name, title, reason)
+            continue
+        try:
             encoded = file.resource(image, uri) if uri else bytes(file.view(image)[0])
         except FacePoserError:
-            reader.problem(name, f"{material.place}", "its image is missing or cannot be read")
+            reader.problem(name, title, "its data is missing or damaged")
             continue
         reader.read(name, title, encoded)
     return reader.textures, reader.notes

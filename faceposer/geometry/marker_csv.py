@@ -1,5 +1,6 @@
-"""CSV tables of marker motion: plain tables with a header, and exports of Vicon Nexus and OptiTrack Motive."""
+"""Text tables of marker motion: plain tables with a header, exports of Vicon Nexus and OptiTrack Motive, and TRC."""
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.sample_times import Frames, frames_at, frames_in_order, frames_numbered, placed
 from faceposer.files.tables import Row, decimal_number, decimal_numbers, open_table
 from faceposer.files.time_columns import is_frame_number, is_time, shown_heading, times_of
@@ -99,7 +100,9 @@ def _layout(cells: list[str], preamble: list[list[str]], path: Path, number: int
     lower = [cell.lower() for cell in cells]
     if lower[:1] == ["frame"] and lower.count("x") > 0:
         return _motive(cells, preamble, path) if _row(preamble, "name") else _vicon(cells, preamble, path)
-    if not lower or lower[0] in ("", "format version"):
+    if preamble and preamble[-1][0].lower() == "frame#":
+        return _trc(cells, preamble, path)
+    if not lower or lower[0] in ("", "format version", "pathfiletype"):
         return None
     columns: dict[str, list[int]] = {}
     for column, cell in enumerate(cells):
@@ -153,6 +156,21 @@ def _motive(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
     return _Layout(_triples(cells, names, path), len(cells), cells, rate, unit, _clock(cells))
 
 
+def _trc(cells: list[str], preamble: list[list[str]], path: Path) -> _Layout:
+    """Return the layout of TRC files: lines for the file, facts and their values, names above x columns, and axes."""
+    names = preamble[-1]
+    facts: dict[str, str] = {}
+    for keys, values in itertools.pairwise(preamble):
+        if "DataRate" in keys:
+            facts = dict(zip(keys, values, strict=False))
+    axes = [re.sub(r"\d+$", "", cell) for cell in cells]
+    columns = _triples(axes, ["", "", *names[2:]], path)
+    clock = (1 if [cell.lower() for cell in names[1:2]] == ["time"] else None, 0)
+    header = ["Frame", "Time (s)", *cells[2:]]
+    rate = decimal_number(facts.get("DataRate", ""))
+    return _Layout(columns, len(cells), header, rate, facts.get("Units", ""), clock, sections=False)
+
+
 def _row(preamble: list[list[str]], kind: str) -> list[str]:
     """Return the line of Motive's header with an empty first cell and ``kind`` as the second, or []."""
     for line in preamble:
@@ -177,7 +195,7 @@ def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None
     names, unit = list(layout.columns), layout.unit
     used = [column for places in layout.columns.values() for column in places]
     if len(names) > MAX_MARKERS:
-        raise FacePoserError(f"'{path}' has {len(names)} markers; at most {MAX_MARKERS} are read.")
+        raise FacePoserError(f"'{path}' has {counted(len(names), 'marker')}; at most {MAX_MARKERS} are read.")
     frames: list[NDArray[np.float64]] = []
     times: list[str] = []
     numbers: list[float] = []
@@ -195,7 +213,8 @@ def _table(layout: _Layout, lines: Iterator[Row], path: Path, rate: float | None
             continue
         if len(cells) < layout.width or any(cell.strip() for cell in cells[layout.width :]):
             raise FacePoserError(
-                f"Line {number} of '{path}' has {len(cells)} values instead of {layout.width}; correct or delete it."
+                f"Line {number} of '{path}' has {counted(len(cells), 'value')} instead of {layout.width}; "
+                f"correct or delete it."
             )
         frames += unseen * [np.full(len(used), np.nan)]
         unseen = 0
@@ -229,7 +248,8 @@ def _later(cell: str, last: float, path: Path, number: int) -> float:
     time = decimal_number(cell)
     if time is not None and time < last:
         raise FacePoserError(
-            f"Line {number} of '{path}' has the time {time:g} after {last:g}; times must not decrease."
+            f"Line {number} of '{path}' has the time {time:g} after {last:g}; times must not go back: split "
+            "the file there, or correct its times."
         )
     return last if time is None else time
 

@@ -1,4 +1,4 @@
-"""Reading of motion capture markers on a face from C3D and CSV files."""
+"""Reading of motion capture markers on a face from C3D, CSV and TRC files."""
 
 import importlib
 import re
@@ -67,7 +67,7 @@ class MarkerMotion:
 
 
 def read_markers(path: Path, rate: float | None = None) -> MarkerMotion:
-    """Read the motion in a C3D or CSV file, by its suffix; docs/training.md describes the CSV layouts.
+    """Read the motion in a C3D, CSV or TRC file, by its suffix; docs/training.md describes the layouts of tables.
 
     A prefix of marker names that ends in a colon is removed if the names remain unique. Unlabelled points are left out.
     A marker exactly at the origin is missing, as several programs write that.
@@ -82,9 +82,9 @@ def read_markers(path: Path, rate: float | None = None) -> MarkerMotion:
     """
     suffix = path.suffix.lower()
     try:
-        if suffix not in (".c3d", ".csv"):
-            raise FacePoserError(f"Markers cannot be read from '{path}'; choose a .c3d or .csv file.")
-        if suffix == ".csv":
+        if suffix not in (".c3d", ".csv", ".trc"):
+            raise FacePoserError(f"Markers cannot be read from '{path}'; choose a .c3d, .csv or .trc file.")
+        if suffix != ".c3d":
             table = parse_marker_csv(path, rate=rate)
             return _motion(table.names, table.positions, table.rate, table.unit, path, table.notes)
         with open_file(path, MAX_BYTES) as file:
@@ -147,13 +147,13 @@ def _read_c3d(file: BinaryIO, path: Path, rate: float | None) -> MarkerMotion:
         ) from error
     # The header counts from its first frame, which may be 0; the rest of the last block of 512 bytes is no frame.
     most = max(counts, default=expected)
-    count = max((count for count in counts or {expected} if count <= len(frames)), default=0)
+    count = max((count for count in counts or [expected] if count <= len(frames)), default=0)
     if count == 0 or (count < most and len(frames) - count > _BLOCK // (8 * len(frames[0]))):
         raise FacePoserError(f"The C3D file '{path}' ends after frame {len(frames)} of {most}; copy it again.")
     notes: tuple[str, ...] = ()
     if len(counts) > 1:
-        listed = " and ".join(map(str, sorted(counts)))
-        notes = (f"Its header and parameters state {listed} frames; {count} were read.",)
+        listed = " and ".join(map(str, counts))
+        notes = (f"Its header and its parameters state {listed} frames; {count} were read.",)
     data = np.array(frames[:count], dtype=np.float64)
     points, residuals = data[:, :, :3], data[:, :, 3]
     points[residuals < 0.0] = np.nan
@@ -164,21 +164,21 @@ def _read_c3d(file: BinaryIO, path: Path, rate: float | None) -> MarkerMotion:
     return _motion([labels[i] for i in real], points[:, real], known, unit, path, notes)
 
 
-def _stated_counts(reader: Any) -> set[int]:
-    """Return the numbers of frames that the header and the parameters of a C3D file state."""
+def _stated_counts(reader: Any) -> list[int]:
+    """Return the different numbers of frames that the header and then the parameters of a C3D file state."""
     header = reader.header
-    counts = {int(header.last_frame) - int(header.first_frame) + 1}
+    counts = [int(header.last_frame) - int(header.first_frame) + 1]
     start, end = reader.get("TRIAL:ACTUAL_START_FIELD"), reader.get("TRIAL:ACTUAL_END_FIELD")
     if start is not None and end is not None:
         first, last = (int(words[0]) + 65536 * int(words[1]) for words in (start.uint16_array, end.uint16_array))
-        counts.add(last - first + 1)
+        counts.append(last - first + 1)
     for name in ("POINT:LONG_FRAMES", "POINT:FRAMES"):
         found = reader.get(name)
         if found is not None:
-            counts.add(int(found.float_value if found.bytes_per_element >= 4 else found.uint16_value))
+            counts.append(int(found.float_value if found.bytes_per_element >= 4 else found.uint16_value))
     # Words of 16 bits end at 65,535, which longer takes have in place of their number.
-    plausible = {count for count in counts if 0 < count <= MAX_FRAMES and count != _FULL_WORD}
-    return plausible if max(plausible, default=0) <= _FULL_WORD else {max(plausible)}
+    plausible = list(dict.fromkeys(count for count in counts if 0 < count <= MAX_FRAMES and count != _FULL_WORD))
+    return plausible if max(plausible, default=0) <= _FULL_WORD else [max(plausible)]
 
 
 def _labels(reader: Any) -> list[str]:

@@ -145,4 +145,4 @@ def read_marker_map(path: Path) -> MarkerMap:
         places = {name: place.place() for name, place in form.markers.items()}
         return MarkerMap(places, tuple(dict.fromkeys(form.fixed)), form.neutral_frame, path)
 
-    return read_json(path, "marker map", parsed, _MAX_BYTES, unique_keys=True)
+    return read_json(path, "marker map", parsed, _MAX_BYTES)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.deform import MarkerDeformer
 from faceposer.geometry.marker_io import MarkerMotion, fill_gaps
@@ -196,7 +196,9 @@ def _neutral_frame(motion: MarkerMotion, marker_map: MarkerMap, needed: NDArray[
             )
         return int(np.argmax(complete))
     if frame >= len(complete):
-        raise FacePoserError(f"The neutral frame of '{source}' is {frame}, but the motion has {len(complete)} frames.")
+        raise FacePoserError(
+            f"The neutral frame of '{source}' is {frame}, but the motion has {counted(len(complete), 'frame')}."
+        )
     if not complete[frame]:
         missing = ", ".join(motion.names[i] for i in needed if not motion.seen[frame, i])
         raise FacePoserError(f"The neutral frame {frame} of '{source}' lacks {missing}; choose one with all markers.")

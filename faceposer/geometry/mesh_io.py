@@ -1,15 +1,20 @@
-"""Reading of meshes in common formats: OBJ, PLY and glTF by this package, all others by trimesh."""
+"""Reading of meshes in common formats: STL by trimesh, all others by this package."""
 
+import os
+import re
+import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.reading import open_file
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh import first_unusable
+from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.geometry.obj_io import read_obj
+from faceposer.geometry.off_io import read_off
 from faceposer.geometry.ply_io import read_ply
 from faceposer.geometry.polygon_mesh import PolygonMesh
 
@@ -20,6 +25,13 @@ _MAX_BYTES_OBJ, _MAX_LINES, _LONGEST_LINE = 160 << 20, 4_000_000, 1 << 22
 # The readers of trimesh take many times the size of a file.
 _MAX_BYTES_TRIMESH = 128 << 20
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
+
+
+def texture_notes(path: Path, mesh: PolygonMesh) -> tuple[str, ...]:
+    """Return sentences about the textures of the ``mesh`` in ``path`` that cannot be used."""
+    if path.suffix.lower() in GLTF_SUFFIXES:
+        return read_gltf(path).notes
+    return read_obj_textures(path, mesh)[1] if path.suffix.lower() == ".obj" else ()
 
 
 def read_mesh(path: Path) -> PolygonMesh:
@@ -49,11 +61,13 @@ def read_mesh(path: Path) -> PolygonMesh:
 
 def _read(path: Path) -> PolygonMesh:
     suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise FacePoserError(f"'{path}' is not a supported mesh; choose a file of type {', '.join(MESH_SUFFIXES)}.")
     if suffix == ".obj":
         _check_lines(path)
     if suffix in GLTF_SUFFIXES:
         return read_gltf(path).mesh
-    return {".obj": read_obj, ".ply": read_ply}.get(suffix, _read_with_trimesh)(path)
+    return {".obj": read_obj, ".ply": read_ply, ".off": read_off}.get(suffix, _read_with_trimesh)(path)
 
 
 def _check_lines(path: Path) -> None:
@@ -73,11 +87,30 @@ def _check_lines(path: Path) -> None:
                 )
 
 
+def _check_stl(path: Path) -> None:
+    """Raise a FacePoserError if the STL file ``path`` is truncated."""
+    with open_file(path, _MAX_BYTES_TRIMESH) as file:
+        head = file.read(84)
+        size = file.seek(0, os.SEEK_END)
+        declared = struct.unpack_from("<I", head, 80)[0] if len(head) == 84 else 0
+        is_text = head.lstrip()[:5].lower() == b"solid" and size != 84 + 50 * declared
+        if is_text:
+            file.seek(0)
+            text = file.read().lower()
+            declared, found = len(re.findall(rb"(?m)^\s*facet\b", text)), text.count(b"endfacet")
+        else:
+            found = max(size - 84, 0) // 50
+    if declared > found:
+        raise FacePoserError(
+            f"The mesh '{path}' is truncated: it declares {counted(declared, 'triangle')}, but has {found}; copy or "
+            "export it again."
+        )
+
+
 def _read_with_trimesh(path: Path) -> PolygonMesh:
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise FacePoserError(f"'{path}' is not a supported mesh; choose a file of type {', '.join(MESH_SUFFIXES)}.")
     import trimesh  # imported late, since it takes over a second
 
+    _check_stl(path)
     file_type = path.suffix.lower().removeprefix(".")
     try:
         with open_file(path, _MAX_BYTES_TRIMESH) as file:

@@ -17,7 +17,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.files.reading import open_file
@@ -125,7 +125,7 @@ class MeshSequence:
             n = min(len(mesh.polygons), len(expected))
             width = min(mesh.polygons.shape[1], expected.shape[1])
             differs = np.flatnonzero((mesh.polygons[:n, :width] != expected[:n, :width]).any(axis=1))
-            counts = f"{len(mesh.polygons)} faces, not {len(expected)}"
+            counts = f"{counted(len(mesh.polygons), 'face')}, not {len(expected)}"
             difference = f"face {differs[0] + 1} differs" if len(differs) else counts
             raise FacePoserError(
                 f"The topology of '{path}' differs from {self.neutral_name}: {difference}; export all meshes with the "
@@ -136,7 +136,8 @@ class MeshSequence:
     def _check_count(self, name: str, count: int) -> None:
         if count != len(self.neutral.vertices):
             raise FacePoserError(
-                f"'{name}' has {count} vertices, but {self.neutral_name} has {len(self.neutral.vertices)}; export all "
+                f"'{name}' has {counted(count, 'vertex', 'vertices')}, but {self.neutral_name} has "
+                f"{len(self.neutral.vertices)}; export all "
                 "meshes with the same vertices in the same order."
             )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import write_text
 from faceposer.files.reading import read_bytes
 from faceposer.files.writing import check_finite
@@ -193,7 +193,8 @@ def read_obj(path: Path) -> PolygonMesh:
     columns = int(lengths.max(initial=3))
     if len(lengths) * columns > _MOST_CELLS:
         raise FacePoserError(
-            f"The mesh '{path}' has {len(lengths)} faces of up to {columns} corners, which is too many; export it with "
+            f"The mesh '{path}' has {counted(len(lengths), 'face')} of up to {columns} corners, which is too "
+            f"many; export it with "
             "faces of 3 or 4 corners."
         )
     return PolygonMesh(

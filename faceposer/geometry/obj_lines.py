@@ -1,11 +1,13 @@
 """Parsing of blocks of OBJ files line by line, which finds the place of what is invalid."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
+from faceposer.files.numbers import plain_float, plain_int
 from faceposer.geometry.obj_blocks import (
     LONGEST_STATEMENT,
     MOST_CORNERS,
@@ -94,20 +96,27 @@ def _statements(block: Block, path: Path) -> Iterator[tuple[int, str]]:
     yield number, begun
 
 
+def _legible(word: str) -> str:
+    """Return ``word`` for a message, decoded as UTF-8 if it was read as single bytes."""
+    with suppress(UnicodeError):
+        word = word.encode("latin-1").decode("utf-8")
+    return word[:20]
+
+
 def _number(word: str) -> float:
     try:
-        return float(word)
+        return plain_float(word)
     except ValueError:
-        raise ValueError(f"'{word[:20]}' is not a number") from None
+        raise ValueError(f"'{_legible(word)}' is not a number") from None
 
 
 def _index(word: str, count: int) -> int:
     """Return the zero-based index of OBJ's index ``word``, which counts from 1, or from the end if negative."""
     try:
-        value = int(word)
+        value = plain_int(word)
     except ValueError:
-        raise ValueError(f"'{word[:20]}' is not the index of a vertex") from None
+        raise ValueError(f"'{_legible(word)}' is not the index of a vertex") from None
     index = value - 1 if value > 0 else count + value
     if value == 0 or not 0 <= index < count:
-        raise ValueError(f"index {value} is out of range for the {count} entries listed before")
+        raise ValueError(f"index {value} is out of range for the {counted(count, 'entry', 'entries')} listed before")
     return index

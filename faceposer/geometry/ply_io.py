@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import atomic_file
+from faceposer.files.numbers import plain_float
 from faceposer.files.reading import read_bytes
 from faceposer.files.writing import check_finite
 from faceposer.geometry.polygon_mesh import PolygonMesh, no_polygons, pad_polygons
@@ -153,7 +154,7 @@ def _numbers(text: bytes) -> NDArray[np.float64]:
             pass
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            [float(word) for word in line.split()]
+            [plain_float(word.decode("latin-1")) for word in line.split()]
         except ValueError as error:
             raise ValueError(f"line {number} after its header has a value that is not a number") from error
     return np.array(text.split(), dtype=np.float64)
@@ -192,7 +193,9 @@ def _read_element(
             continue
         wide = max(lengths[lists.index(i)] for lengths in kinds)
         if element.count * wide > _MAX_ENTRIES:
-            raise ValueError(f"its {element.count} lists of up to {wide} entries in '{element.name}' are too large")
+            raise ValueError(
+                f"its {counted(element.count, 'list')} of up to {wide} entries in '{element.name}' are too large"
+            )
         values = np.full((element.count, wide), -1.0)
         counts = np.zeros(element.count, dtype=np.intp)
         row = 0
@@ -254,7 +257,9 @@ def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
     inside = np.arange(polygons.shape[1]) < lengths[:, None]
     wrong = (inside & ((polygons < 0) | (polygons >= len(vertices)) | (polygons % 1 != 0))).any(axis=1)
     if wrong.any():
-        raise ValueError(f"face {int(np.argmax(wrong)) + 1} has a corner outside the {len(vertices)} vertices")
+        raise ValueError(
+            f"face {int(np.argmax(wrong)) + 1} has a corner outside the {counted(len(vertices), 'vertex', 'vertices')}"
+        )
     faces = polygons.astype(np.int32)
     uv, polygon_uvs = np.zeros((0, 2)), no_polygons()
     for names in _UV_NAMES:

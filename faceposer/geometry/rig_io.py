@@ -7,10 +7,19 @@ import numpy as np
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.geometry.displacement_fields import edges_of
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.polygon_mesh import MorphMesh
-from faceposer.geometry.shape_alignment import Alignment, AlignmentReport, implausible, lay_on, search_tree, still_share
+from faceposer.geometry.shape_alignment import (
+    Alignment,
+    AlignmentReport,
+    implausible,
+    in_another_unit,
+    lay_on,
+    search_tree,
+    still_share,
+)
 from faceposer.geometry.shape_folder import SHAPE_SUFFIXES, read_shape_folder
 
 
@@ -65,7 +74,9 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
     """
     report = AlignmentReport()
     neutral = rig.mesh.vertices
-    tree = search_tree(neutral)
+    tree, edges = search_tree(neutral), edges_of(rig.mesh.polygons, neutral)
+    # Displacements of a whole rig in another unit are converted by its size as a face.
+    whole = align and in_another_unit([*rig.targets.values()], neutral)
     targets = dict(rig.targets)
     unusable = dict(rig.unusable)
     absolute = []
@@ -80,7 +91,7 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
             vertices = offsets.astype(np.float64)
         aligned = lay_on(vertices, neutral) if align else Alignment(vertices)
         report.add(name, aligned.change)
-        reason = implausible(aligned.vertices, neutral, tree)
+        reason = implausible(aligned.vertices, neutral, tree, edges, sized=not whole)
         if reason:
             unusable[name] = (
                 f"The target '{name[:60]}' of the rig '{path}' is not an expression of its face: {reason}; export it "
@@ -90,11 +101,12 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
             targets[name] = (aligned.vertices - neutral).astype(np.float32)
     notes = report.notes()
     if absolute:
-        count = len(absolute)
-        notes += (
-            f"{count} target{'s have' if count > 1 else ' has'} positions instead of displacements (such as "
-            f"'{absolute[0][:60]}'); the neutral face was subtracted.",
+        some = (
+            f"{len(absolute)} targets, such as '{absolute[0][:60]}', have"
+            if len(absolute) > 1
+            else f"The target '{absolute[0][:60]}' has"
         )
+        notes += (f"{some} positions instead of displacements; the neutral face was subtracted.",)
     return replace(rig, targets=targets, notes=(*rig.notes, *notes), unusable=unusable)
 
 

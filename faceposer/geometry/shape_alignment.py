@@ -1,12 +1,15 @@
 """Alignment of shapes with the neutral face by the vertices that keep still, and tests of plausible displacements."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.errors import counted
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
+from faceposer.geometry.displacement_fields import Edges, in_random_order
 
 if TYPE_CHECKING:
     # Imported late to shorten the start of the window.
@@ -24,6 +27,8 @@ _ROUNDS = 40
 # Displacements that no expression has: of most vertices, and of any vertex.
 _MOST_MEDIAN = 0.1
 _MOST = 1.0
+# Largest displacement of a typical expression.
+_MOST_TYPICAL = 0.12
 # Vertices at the place of another one: tolerance, least number of moved vertices, share of them, size of the sample.
 _COINCIDENT = 2e-5
 _FEW = 10
@@ -82,13 +87,21 @@ def lay_on(vertices: Array, neutral: Array) -> Alignment:
     return Alignment(best, _description(vertices, best, neutral, mirrored, size))
 
 
-def implausible(vertices: Array, neutral: Array, tree: "cKDTree | None" = None) -> str:
+def implausible(
+    vertices: Array,
+    neutral: Array,
+    tree: "cKDTree | None" = None,
+    edges: Edges | None = None,
+    sized: bool = True,
+) -> str:
     """Return why a shape cannot be an expression of the neutral face, as a clause; "" if it can.
 
     Args:
         vertices: Positions of the shape, shape (N, 3).
         neutral: Positions of the neutral face, shape (N, 3).
         tree: Search tree of ``neutral``, to save time with many shapes.
+        edges: Edges of the mesh, shape (E, 2), to recognise displacements in another vertex order.
+        sized: False for displacements in another unit, whose size says nothing.
     """
     size = _size(neutral)
     if not (np.abs(vertices) < _LARGEST).all():
@@ -100,7 +113,16 @@ def implausible(vertices: Array, neutral: Array, tree: "cKDTree | None" = None) 
         nearest, _ = (tree or search_tree(neutral)).query(vertices[sample], distance_upper_bound=_COINCIDENT * size)
         if float(np.isfinite(nearest).mean()) > _REORDERED:
             return "its vertices are in another order"
-    return implausible_size(distances, size)
+    if edges is not None and in_random_order(vertices - neutral, edges, size):
+        return "neighbouring vertices move in unrelated directions, as with displacements in another vertex order"
+    return implausible_size(distances, size) if sized else ""
+
+
+def in_another_unit(displacements: Sequence[NDArray[np.floating]], neutral: Array) -> bool:
+    """Return True if most of the ``displacements``, (N, 3) each, are too large for the neutral face, (N, 3)."""
+    size = _size(neutral)
+    largest = [most for offsets in displacements if (most := float(np.abs(offsets).max(initial=0.0))) > 0.0]
+    return bool(largest) and float(np.median(largest)) > _MOST_TYPICAL * size
 
 
 def search_tree(neutral: Array) -> "cKDTree":
@@ -193,8 +215,16 @@ class AlignmentReport:
         for change, names in order[:_MOST_NOTES]:
             plural = len(names) > 1
             notes.append(
-                f"{len(names)} shape{'s were' if plural else ' was'} {change} against the neutral face (such as "
-                f"'{names[0][:60]}') and {'were' if plural else 'was'} laid on it by the vertices that keep still."
+                f"{len(names)} shapes were {change} against the neutral face (such as '{names[0][:60]}') and were laid "
+                "on it by the vertices that keep still."
+                if plural
+                else f"The shape '{names[0][:60]}' was {change} against the neutral face and was laid on it by the "
+                "vertices that keep still."
             )
         rest = sum(len(names) for _, names in order[_MOST_NOTES:])
-        return (*notes, f"{rest} further shapes were laid on the neutral face likewise.") if rest else tuple(notes)
+        if rest:
+            verb = "was" if rest == 1 else "were"
+            notes.append(
+                f"{counted(rest, 'further shape', 'further shapes')} {verb} laid on the neutral face likewise."
+            )
+        return tuple(notes)

@@ -9,10 +9,18 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.files.names import displayable, is_hidden
+from faceposer.geometry.displacement_fields import edges_of
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.geometry.polygon_mesh import MorphMesh, PolygonMesh
-from faceposer.geometry.shape_alignment import Alignment, AlignmentReport, implausible, lay_on, search_tree
+from faceposer.geometry.shape_alignment import (
+    Alignment,
+    AlignmentReport,
+    implausible,
+    in_another_unit,
+    lay_on,
+    search_tree,
+)
 
 SHAPE_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 NEUTRAL_NAMES = ("neutral", "base", "basis", "rest", "generic_neutral_mesh")
@@ -51,35 +59,40 @@ def read_shape_folder(folder: Path, neutral: Path | None = None, align: bool = T
     size = len(shapes) * rest.vertices.size * 4
     if size > _MAX_OFFSET_BYTES:
         raise FacePoserError(
-            f"The folder '{folder}' has {len(shapes)} shapes of {len(rest.vertices)} vertices, which would take "
+            f"The folder '{folder}' has {counted(len(shapes), 'shape')} of "
+            f"{counted(len(rest.vertices), 'vertex', 'vertices')}, which would take "
             f"{size >> 20} MB; choose a folder that takes less than {_MAX_OFFSET_BYTES >> 20} MB."
         )
     names, unusable = _shape_names(shapes, neutral)
     targets = {}
     reordered: list[str] = []
     report = AlignmentReport()
-    tree = search_tree(rest.vertices)
+    tree, edges = search_tree(rest.vertices), edges_of(rest.polygons, rest.vertices)
+    oversized: dict[str, str] = {}
     for name, path in names.items():
         positions, is_reordered = _positions(path, rest, neutral)
         reordered += [name] if is_reordered else []
         aligned = lay_on(positions, rest.vertices) if align else Alignment(positions)
         report.add(name, aligned.change)
-        reason = implausible(aligned.vertices, rest.vertices, tree)
-        if reason:
-            unusable[name] = (
-                f"The shape '{path}' is not an expression of the neutral face '{neutral}': {reason}; export all shapes "
-                "in the unit of the neutral face, with the same vertices in the same order."
-            )
+        for found, sized in ((unusable, False), (oversized, True)):
+            reason = implausible(aligned.vertices, rest.vertices, tree, edges, sized)
+            if reason:
+                found[name] = (
+                    f"The shape '{path}' is not an expression of the neutral face '{neutral}': {reason}; export all "
+                    "shapes in the unit of the neutral face, with the same vertices in the same order."
+                )
         with np.errstate(over="ignore"):
             targets[name] = (aligned.vertices - rest.vertices).astype(np.float32)
+    if not (align and in_another_unit([*targets.values()], rest.vertices)):
+        unusable = {**oversized, **unusable}
     textures, notes = read_obj_textures(neutral, rest)
     if reordered:
-        plural = len(reordered) > 1
-        notes = (
-            f"{len(reordered)} shape{'s have' if plural else ' has'} the vertices in another order than the neutral "
-            f"face (such as '{reordered[0][:60]}'); {'their' if plural else 'its'} faces gave the order.",
-            *notes,
+        some = (
+            f"{len(reordered)} shapes, such as '{reordered[0][:60]}', have their"
+            if len(reordered) > 1
+            else f"The shape '{reordered[0][:60]}' has its"
         )
+        notes = (f"{some} vertices in another order than the neutral face; the faces gave the order.", *notes)
     return MorphMesh(rest, targets, textures, (*report.notes(), *notes), unusable)
 
 
@@ -103,7 +116,7 @@ def _find_neutral(folder: Path, files: list[Path]) -> Path:
         )
     if not found:
         raise FacePoserError(
-            f"The folder '{folder}' has no neutral face among its {len(files)} meshes; name it "
+            f"The folder '{folder}' has no neutral face among its {counted(len(files), 'mesh', 'meshes')}; name it "
             f"{', '.join(NEUTRAL_NAMES[:-1])} or {NEUTRAL_NAMES[-1]} ({', '.join(SHAPE_SUFFIXES)}), or specify it."
         )
     return found[0]
@@ -176,7 +189,7 @@ def _first_difference(mesh: PolygonMesh, rest: PolygonMesh) -> str:
         # Other formats may be triangulated, with an arbitrary first corner.
         a, b = mesh.triangles(), rest.triangles()
         if len(a) != len(b):
-            return f"it has {len(mesh.polygons)} faces, not {len(rest.polygons)}"
+            return f"it has {counted(len(mesh.polygons), 'face')}, not {len(rest.polygons)}"
     differing = (_lowest_first(a) != _lowest_first(b)).any(axis=1)
     if not differing.any():
         return ""

@@ -1,19 +1,19 @@
 """Encoded images for textures: checked, and converted to PNG where a character file cannot store their format."""
 
 import io
+import re
 import struct
 import warnings
 from contextlib import suppress
 from pathlib import Path
 
 from faceposer.files import paths
+from faceposer.files.images import foreign_format, open_image
 
 _MOST_NOTES = 6
 _KEPT = ("PNG", "JPEG")
 _MAX_BYTES = 256 << 20
 _MAX_PIXELS = 16384 * 8192
-#: Formats that Pillow does not read, by their first bytes.
-_FOREIGN = ((b"\xabKTX 20", "KTX2"), (b"\xabKTX 11", "KTX"), (b"sB", "Basis"), (b"\x76\x2f\x31\x01", "OpenEXR"))
 
 #: Raised by Pillow's decoders for damaged files, besides OSError.
 DECODER_ERRORS = (
@@ -26,24 +26,24 @@ class UnusableImageError(Exception):
     """Raised for an image that cannot be a texture; the message is the reason, a clause."""
 
 
-def texture_image(data: bytes) -> bytes:
-    """Return the encoded image ``data`` as PNG or JPEG.
+def texture_image(data: bytes, name: str = "") -> bytes:
+    """Return the encoded image ``data`` as PNG or JPEG; ``name`` is that of its file, if it is known.
 
     Raises:
         UnusableImageError: If it is damaged, too large, or in a format that cannot be read.
     """
     from PIL import Image, UnidentifiedImageError
 
-    foreign = next((name for start, name in _FOREIGN if data.startswith(start)), "")
+    foreign = foreign_format(data[:64], name)
     if foreign:
-        raise UnusableImageError(f"the format {foreign} is not supported")
+        raise UnusableImageError(f"it is {foreign}, which cannot be read; save it as JPEG or PNG")
     if len(data) > _MAX_BYTES:
         raise UnusableImageError(f"it is larger than {_MAX_BYTES >> 20} MB")
     try:
         with warnings.catch_warnings():
             # Pillow's warning has a lower limit than this module.
             warnings.simplefilter("ignore")
-            with Image.open(io.BytesIO(data)) as image:
+            with open_image(io.BytesIO(data)) as image:
                 if image.width * image.height > _MAX_PIXELS:
                     raise UnusableImageError(f"it has {image.width} x {image.height} pixels")
                 kept = image.format in _KEPT
@@ -71,7 +71,7 @@ class TextureReader:
     def read(self, material: str, name: str, data: bytes) -> None:
         """Add the encoded image ``data``, called ``name``, as the texture of ``material`` if it can be used."""
         try:
-            self.textures[material] = texture_image(data)
+            self.textures[material] = texture_image(data, name)
         except UnusableImageError as error:
             self.problem(material, name, str(error))
 
@@ -93,6 +93,8 @@ def file_in(folder: Path, name: str) -> Path:
     Raises:
         UnusableImageError: If there is no such file, or it lies outside of the folder.
     """
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", name):
+        raise UnusableImageError("it is a URL, and nothing is downloaded; save it next to the file")
     parts = [part for part in name.replace("\\", "/").split("/") if part not in ("", ".")]
     outside = False
     for tail in (parts, parts[-1:]):
@@ -103,7 +105,9 @@ def file_in(folder: Path, name: str) -> Path:
                 if found.resolve().is_relative_to(folder.resolve()):
                     return found
                 outside = True
-    raise UnusableImageError(f"it lies outside of the folder '{folder}'" if outside else "there is no such file")
+    if outside:
+        raise UnusableImageError(f"it lies outside of the folder '{folder}'; copy it there")
+    raise UnusableImageError(f"there is no such file in the folder '{folder}'; copy it there")
 
 
 def _ignoring_case(path: Path) -> Path | None:

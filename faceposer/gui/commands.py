@@ -135,6 +135,12 @@ class Commands:
         """Show the list of keys."""
         self._context.dialogs.keys_shown = True
 
+    def show_messages(self) -> None:
+        """Show the notices of this run again, the last one first."""
+        said = self._context.messages[::-1]
+        text = "Notices of the view since the start, the last one first." if said else "There was no notice yet."
+        self._context.dialogs.ask(Question("Messages", text, details="\n\n".join(said)))
+
     def about(self) -> None:
         """Show version, licence and credits."""
         character = self._context.session.model.character

@@ -50,6 +50,7 @@ class EditorContext(Protocol):
         shading: Shading of the face.
         highlighted: Index of the constraint under the pointer in a panel, or None.
         notice: Text over the view, or "".
+        messages: The last notices.
         remembers: True if settings are written for the next run.
         keeps_journal: True if a journal of unsaved work is kept on disk.
         debug: True if figures for developers are shown.
@@ -83,6 +84,11 @@ class EditorContext(Protocol):
     @property
     def notice(self) -> str:
         """Text over the view, or ""."""
+        ...
+
+    @property
+    def messages(self) -> list[str]:
+        """The last notices, the latest one at the end."""
         ...
 
     @property

@@ -40,6 +40,8 @@ from faceposer.session.session import Mode, Session
 from faceposer.session.solver_worker import InlineWorker, SolverWorker, Worker
 from faceposer.tools.toolbox import Toolbox
 
+# Number of notices that can be read again.
+_MESSAGES = 30
 # Shortest time of a notice, and the time that reading takes for each letter.
 _NOTICE_SECONDS, _SECONDS_PER_LETTER = 3.5, 0.06
 _SAMPLES = 4
@@ -106,6 +108,7 @@ class Editor:
         self.frame_seconds = 0.0
         self.closing = False
         self.notice = ""
+        self.messages: list[str] = []
         self._notice_until = 0.0
         self.drawn_constraints = self._new_drawn_constraints(session)
         self._mode: Mode = "live"
@@ -225,6 +228,7 @@ class Editor:
     def notify(self, text: str) -> None:
         """Show ``text`` over the view for a few seconds, longer texts longer."""
         self.notice = text
+        self.messages = [*self.messages, text][-_MESSAGES:]
         self._notice_until = time.perf_counter() + max(_NOTICE_SECONDS, _SECONDS_PER_LETTER * len(text))
         self.redraw()
 

@@ -75,8 +75,10 @@ class Gui:
         return imgui.is_popup_open("", flags)
 
     def close_popups(self) -> None:
-        """Close menus and drop-down lists."""
-        imgui.internal.close_popup_to_level(0, True)
+        """Close menus and drop-down lists, if any is open."""
+        # Dear ImGui stops the program where there is none, as before the first frame of a list that was just opened.
+        if self.popup_open:
+            imgui.internal.close_popup_to_level(0, True)
 
     def close(self) -> None:
         """Shut down, before the window closes."""

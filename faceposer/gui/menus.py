@@ -284,6 +284,7 @@ def build_actions(context: Shell) -> Actions:
             ),
             guide,
             Action("keys", "Keys and mouse", "Help", do.show_keys, ("F1",), idle),
+            Action("messages", "Messages", "Help", do.show_messages, (), idle, help="Read the last notices again"),
             Action("about", "About Face Poser", "Help", do.about, (), idle),
         ]
     )

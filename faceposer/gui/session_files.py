@@ -1,13 +1,11 @@
 """Opening, saving and closing: unsaved work is never lost without a question."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.files import paths
-from faceposer.files.reading import open_file
 from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
 from faceposer.gui.missing_character import ask_for_character
@@ -17,7 +15,7 @@ from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.meshes import foreign_library, write_posed_obj
 from faceposer.session.character_library import SUFFIX as CHARACTER_SUFFIX
-from faceposer.session.document import FORMAT
+from faceposer.session.file_kinds import Kind, kind_of
 from faceposer.session.on_disk import OpenFile, open_files_folder
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
@@ -25,8 +23,23 @@ from faceposer.session.solver_worker import Worker
 
 # Suffixes of the files that can be opened: sessions and characters.
 SUFFIXES = (".json", ".npz")
-# Bytes in which a session file names its format.
-_HEAD = 4096
+_ANIMATION = "Performances are opened with Animate > Open animation"
+_POINTS = (
+    "Recorded points are followed with Animate > Open trajectories, and markers learned from with File > Import "
+    "character"
+)
+# Commands for files of other kinds.
+_REMEDIES: dict[Kind, str] = {
+    "performance": _ANIMATION,
+    "weights": f"{_ANIMATION}, and a pose of weights with File > Open pose",
+    "trajectories": _POINTS,
+    "table": f"{_ANIMATION}. {_POINTS}",
+    "pose": "Poses of the library are in View > Poses",
+    "rig": f"Rigs are imported with File > Import character. {_ANIMATION}",
+    "mesh": "Posed meshes are opened with File > Open pose, and folders of shapes with File > Import character",
+    "photo": "Photos are opened with File > Open photo",
+    "folder": "Folders of shapes or expressions are imported with File > Import character",
+}
 
 
 class SessionFiles:
@@ -353,13 +366,9 @@ class SessionFiles:
 
 
 def _remedy(path: Path) -> str:
-    """Return the remedy for a file that is not a session but may hold weights, or ""."""
-    with suppress(OSError):
-        if path.suffix.lower() == ".json":
-            with open_file(path) as stream:
-                if FORMAT.encode() not in stream.read(_HEAD):
-                    return " Weights and poses are opened with File > Open pose."
-    return ""
+    """Return the sentence about the command of the window for a file that is not a session, with a space, or ""."""
+    text = _REMEDIES.get(kind_of(path), "")
+    return f" {text}." if text else ""
 
 
 def _stem(character: str) -> str:

@@ -17,7 +17,7 @@ from faceposer.files.atomic import atomic_file
 from faceposer.files.writing import check_finite, not_finite
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.interchange.gltf_builder import INDICES, VERTICES, GltfBuilder
-from faceposer.interchange.surfaces import base_colour, is_png, opacity, roughness
+from faceposer.interchange.surfaces import base_colour, check_textures, is_png, opacity, roughness
 from faceposer.model.character import Character, Part
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
@@ -68,6 +68,7 @@ def write_glb(
         FacePoserError: If the file cannot be written, or would be too large.
     """
     check_finite(path, "model", motion.coefficients if isinstance(motion, Performance) else motion)
+    check_textures(path, "model", model.character)
     frames = motion.weights(model) if isinstance(motion, Performance) else model.weights_of(motion)[None]
     character, frames = _with_wholes(model.character, frames)
     builder = GltfBuilder(_asset(character))

@@ -18,6 +18,7 @@ from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.obj_io import ObjWriter
 from faceposer.geometry.ply_io import write_ply
 from faceposer.interchange.obj_materials import has_content, library_files, library_name, materials_of
+from faceposer.interchange.surfaces import check_textures
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
@@ -26,6 +27,8 @@ SequenceKind = Literal["obj", "ply"]
 
 # First bytes of a material library written by this program.
 _SIGNATURE = b"# Face Poser"
+# Remedy for textures that cannot be written.
+_WITHOUT = ", or leave out the materials"
 _WriteFrame = Callable[[Path, NDArray[np.floating]], None]
 
 
@@ -47,6 +50,8 @@ def write_posed_obj(
     Raises:
         FacePoserError: If a file cannot be written.
     """
+    if materials:
+        check_textures(path, "mesh", model.character, _WITHOUT)
     files = _library(path.parent, path.stem, model) if materials else {}
     check_finite(path, "mesh", coefficients)
     encoded = _obj_encoder(model, library_name(path.stem) if files else "")
@@ -132,6 +137,8 @@ def sequence_steps(
         FacePoserError: If the folder is not empty or cannot be written.
     """
     check_finite(folder, "folder", performance.coefficients)
+    if materials and kind == "obj":
+        check_textures(folder, "folder", model.character, _WITHOUT)
     files = _library(folder, folder.name, model) if materials and kind == "obj" else {}
     write = _ply_writer(model) if kind == "ply" else _obj_writer(model, library_name(folder.name) if files else "")
     digits = max(4, len(str(len(performance))))

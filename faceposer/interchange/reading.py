@@ -8,25 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted
-from faceposer.files.sample_times import USUAL_RATE, assumed_rate
+from faceposer.files.sample_rates import USUAL_RATE
+from faceposer.files.sample_times import assumed_rate
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
-from faceposer.interchange.gltf_weights import read_gltf_weights
-from faceposer.interchange.named_weights import NamedWeights
-from faceposer.interchange.takes import read_take
-from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.performance import Performance
 from faceposer.model.sampling import resampled
 from faceposer.model.shape_names import half_shapes_of, whole_shape_of
+from faceposer.training.named_weights import NamedWeights
+from faceposer.training.recordings import GLTF, WEIGHTS, read_named
 
 Array = NDArray[np.float64]
 
 MESHES = (".obj", ".ply")
-GLTF = (".glb", ".gltf")
-WEIGHTS = (".csv", ".txt", ".json", *GLTF)
 # Millimetres per unit of a mesh.
 _MILLIMETRES = 10.0
 # Largest error that is invisible, in millimetres.
@@ -46,10 +43,12 @@ class ReadPose:
     Attributes:
         coefficients: The pose, shape (r,).
         note: Remark on the quality of the fit, for the user.
+        frames: Number of frames in the file.
     """
 
     coefficients: Array
     note: str
+    frames: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +86,7 @@ def read_pose(path: Path, model: FaceModel, frame: int = 0) -> ReadPose:
         frames = "a single frame" if count == 1 else f"the frames 1 to {count}"
         raise FacePoserError(f"'{path}' has {frames}, but no frame {frame + 1}.")
     position = f"Frame {frame + 1} of {count}. " if count > 1 else ""
-    return ReadPose(read.performance.coefficients[frame], (position + read.note).strip())
+    return ReadPose(read.performance.coefficients[frame], (position + read.note).strip(), count)
 
 
 def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
@@ -142,7 +141,9 @@ def pose_of_mesh(mesh: PolygonMesh, model: FaceModel, name: str) -> ReadPose:
         note = "The pose matches the mesh exactly."
     if is_mirrored:
         note += " The mesh is mirrored; it was mirrored back."
-    return ReadPose(coefficients, f"{note} The mesh was aligned with the face." if is_aligned else note)
+    if is_aligned:
+        note += " The mesh was moved, rotated or scaled as a whole; it was aligned with the face by all its vertices."
+    return ReadPose(coefficients, note)
 
 
 class _PoseFit:
@@ -193,13 +194,14 @@ def read_performance(path: Path, model: FaceModel, rate: float | None = None) ->
     Raises:
         FacePoserError: If the file cannot be read or has none of the character's shapes.
     """
-    named = _read_named(path, rate)
+    named = read_named(path, rate)
     title, shapes = model.character.title, model.character.shape_names
     # Other programs spell ARKit's names differently.
     names, spelling = _known_names(named.names, shapes)
     _check_spellings(path, named, names)
     weights = np.zeros((len(named.frames), len(shapes)))
     used: set[str] = set()
+    absent = []
     for column, shape in enumerate(shapes):
         # A file may have a shape, the whole of a half shape, the halves of a whole shape, or all, which then add up.
         for group in ((shape,), {whole_shape_of(shape)} - {shape}, half_shapes_of(shape)):
@@ -207,6 +209,8 @@ def read_performance(path: Path, model: FaceModel, rate: float | None = None) ->
             if found:
                 weights[:, column] += named.frames[:, found].mean(axis=1)
                 used.update(group)
+        if not used.intersection((shape, whole_shape_of(shape), *half_shapes_of(shape))):
+            absent.append(shape)
     if not used:
         raise FacePoserError(
             f"'{path}' has none of the shapes of {title} (the file has '{names[0][:60]}' etc., the face "
@@ -217,14 +221,24 @@ def read_performance(path: Path, model: FaceModel, rate: float | None = None) ->
     known = rate or named.rate
     if known is None and len(weights) > 1:
         notes.append(assumed_rate("It does not state a rate"))
+    if absent and len(weights) > 1:
+        notes.append(_absent_note(absent, len(shapes), title))
     if ignored:
-        notes.append(f"{ignored} of its {len(names)} shapes were ignored, because {title} does not have them.")
+        were = "was" if ignored == 1 else "were"
+        notes.append(
+            f"{ignored} of its {counted(len(names), 'shape')} {were} not read, because {title} does not have them."
+        )
     if rate is not None and path.suffix.lower() in GLTF:
         # Keys of glTF are at seconds, which stay.
         performance = resampled(Performance.from_weights(model, weights, named.rate or rate), rate)
     else:
         performance = Performance.from_weights(model, weights, known or USUAL_RATE)
     return ReadPerformance(performance, " ".join(notes))
+
+
+def _absent_note(absent: Sequence[str], count: int, title: str) -> str:
+    listed = ", ".join(absent[:3]) + (f" and {len(absent) - 3} more" if len(absent) > 3 else "")
+    return f"It has no weights of {len(absent)} of the {count} shapes of {title}, which stay at 0: {listed}."
 
 
 def _known_names(names: Sequence[str], shapes: Sequence[str]) -> tuple[list[str], str]:
@@ -244,14 +258,3 @@ def _check_spellings(path: Path, named: NamedWeights, names: list[str]) -> None:
                 f"'{path}' has the shape {name} twice with different weights, as '{named.names[other][:60]}' and "
                 f"'{named.names[column][:60]}'; remove one of them."
             )
-
-
-def _read_named(path: Path, rate: float | None) -> NamedWeights:
-    suffix = path.suffix.lower()
-    if suffix not in WEIGHTS:
-        raise FacePoserError(f"'{path}' is not an animation; give weights that end in one of {', '.join(WEIGHTS)}.")
-    if suffix == ".json":
-        return read_weights(path, rate)
-    if suffix in GLTF:
-        return read_gltf_weights(path)
-    return read_take(path, rate)

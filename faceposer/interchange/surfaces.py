@@ -1,5 +1,9 @@
 """Material parameters of a character's surfaces, for export where no texture defines them."""
 
+from pathlib import Path
+
+from faceposer.errors import FacePoserError, short_name
+from faceposer.model.character import Character
 from faceposer.model.materials import BASE_COLOURS
 
 _ROUGHNESS = {"eye": 0.12, "teeth": 0.3, "gums": 0.35, "tongue": 0.45}
@@ -22,6 +26,25 @@ def base_colour(material: str) -> tuple[float, float, float]:
 def opacity(material: str) -> float:
     """Return the opacity of ``material``, 0 to 1."""
     return _OPACITY.get(material, 1.0)
+
+
+def check_textures(path: Path, kind: str, character: Character, remedy: str = "") -> None:
+    """Check that all textures of ``character`` can be decoded, before they are written.
+
+    Args:
+        path: The file to write, for the message.
+        kind: Noun for the file, such as "model".
+        character: The character.
+        remedy: Further remedy, such as "or leave out the textures".
+
+    Raises:
+        FacePoserError: If a texture is damaged.
+    """
+    for name, reason in character.damaged_textures.items():
+        raise FacePoserError(
+            f"The {kind} '{path}' cannot be written: the texture '{short_name(name)}' of the character is unusable, "
+            f"since {reason}; create the character again{remedy}."
+        )
 
 
 def is_png(image: bytes) -> bool:

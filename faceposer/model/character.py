@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.model.character_checks import SEE_THROUGH, check_character
+from faceposer.model.character_checks import SEE_THROUGH, check_character, damaged_textures
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.origin import Origin
 
@@ -123,6 +123,11 @@ class Character:
     def triangle_polygons(self) -> Ints:
         """Index of the polygon of each triangle, shape (T,)."""
         return np.repeat(np.arange(len(self.polygons), dtype=np.int32), 1 + self._is_quad)
+
+    @cached_property
+    def damaged_textures(self) -> dict[str, str]:
+        """Why each texture that cannot be decoded is unusable, as a clause, by its name in ``textures``."""
+        return damaged_textures(self)
 
     @property
     def height(self) -> float:

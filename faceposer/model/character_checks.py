@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from faceposer.geometry.mesh import FARTHEST
+from faceposer.geometry.texture_images import UnusableImageError, texture_image
 from faceposer.model.errors import InconsistentError
 
 if TYPE_CHECKING:
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes", "film")
 #: Materials drawn over others, which picking ignores.
 SEE_THROUGH = ("lashes", "film")
+# Least size of a face in centimetres, and least ratio of its second size to its largest.
+_SMALLEST, _THINNEST = 1e-6, 1e-6
 
 
 def check_character(character: "Character") -> None:
@@ -23,6 +27,20 @@ def check_character(character: "Character") -> None:
     _check_arrays(character)
     _check_parts(character)
     _check_names(character)
+
+
+def damaged_textures(character: "Character") -> dict[str, str]:
+    """Return the reason for each texture of ``character`` that cannot be decoded, by material or part, as a clause."""
+    found = {}
+    for name, data in character.textures.items():
+        try:
+            kept = texture_image(data) is data
+        except UnusableImageError as error:
+            found[name] = str(error)
+        else:
+            if not kept:
+                found[name] = "it is neither PNG nor JPEG"
+    return found
 
 
 def _require(condition: Any, message: str) -> None:
@@ -42,7 +60,11 @@ def _check_arrays(character: "Character") -> None:
     _require(limits.shape == (expected[0], 2), f"shape_limits has shape {limits.shape}, not {(expected[0], 2)}")
     _require((limits[:, 0] <= limits[:, 1]).all(), "a shape's least weight exceeds its greatest")
     for name in ("vertices", "uv", "shapes", "shape_limits"):
-        _require(np.isfinite(getattr(character, name)).all(), f"{name} contains numbers that are not finite")
+        array = getattr(character, name)
+        # Comparisons with NaN are False.
+        if not (np.abs(array) <= FARTHEST).all():
+            problem = f"beyond {FARTHEST:g}" if np.isfinite(array).all() else "that are not finite"
+            raise InconsistentError(f"{name} contains numbers {problem}")
     _require(character.polygons.shape == character.polygon_uvs.shape, "polygons and polygon_uvs differ in length")
     is_triangle = character.polygons[:, 3] < 0
     for name, limit in (("polygons", count), ("polygon_uvs", len(character.uv))):
@@ -52,6 +74,18 @@ def _check_arrays(character: "Character") -> None:
             f"{name} has indices out of range",
         )
         _require(((array[:, 3] < 0) == is_triangle).all(), "polygons and polygon_uvs disagree about triangles")
+    _check_extent(character)
+
+
+def _check_extent(character: "Character") -> None:
+    """Check that the mesh is a surface, neither a point nor a line, nor as thin as one."""
+    vertices = character.vertices.astype(np.float64)
+    size = float(np.ptp(vertices, axis=0).max())
+    _require(size > _SMALLEST, "all its vertices lie at one place, within a millionth of a centimetre")
+    # Sizes of the face across its longest direction, relative to its length.
+    relative = (vertices - vertices.mean(axis=0)) / size
+    _, middle, largest = np.sqrt(np.maximum(np.linalg.eigvalsh(relative.T @ relative), 0.0))
+    _require(middle > _THINNEST * largest, "all its vertices lie on a line")
 
 
 def _check_parts(character: "Character") -> None:

@@ -214,7 +214,7 @@ def _read_array(stream: IO[bytes], size: int) -> NDArray[Any]:
 
 def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     try:
-        meta = parse_json(members["meta"].tobytes())
+        meta = parse_json(members["meta"].tobytes(), unique_keys=True)
     except (KeyError, FacePoserError):
         _refuse(path, "it is not a Face Poser character file (its metadata is missing or unreadable)")
     if not isinstance(meta, dict) or meta.get("format") != FORMAT:

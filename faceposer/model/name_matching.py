@@ -5,7 +5,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.shape_names import (
     begins_shape,
@@ -17,10 +17,16 @@ from faceposer.model.shape_names import (
 )
 
 #: Boundaries between words: separators, and changes of case, to or from digits, or between scripts.
-_WORD_ENDS = re.compile(
-    r"[\W_]+|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])|(?<=[A-Za-z])(?=[0-9])"
+_WORDS = (
+    r"[\W_]+|(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])|(?<=[A-Za-z])(?=[0-9])|(?<=[A-Z])(?=[A-Z][a-z])"
     r"|(?<=[^\x00-\x7f])(?=[A-Za-z])|(?<=[A-Za-z])(?=[^\x00-\x7f])"
 )
+_WORD_ENDS = re.compile(_WORDS)
+# The same, and after a letter for the side to which a suffix is glued, as in eyeBlink_LShape, but not in words that
+# begin with such a letter.
+_REST_OF_WORD = "(?i:eft|ight|od|ow|ayer|ink|ig|oot|est|ef|ender|ip|id|ash)"
+_NO_SIDE = f"(?!{_REST_OF_WORD})"
+_CUTS = re.compile(rf"{_WORDS}|(?<=[\W_][LRlr])(?={_NO_SIDE}[A-Za-z])|(?<=[a-z][LR])(?={_NO_SIDE}[A-Za-z])")
 # Number of words in the longest name of a shape, with its side.
 _MOST_WORDS = 6
 # Number of shapes from which names with a prefix or suffix are a reading of their own.
@@ -32,8 +38,10 @@ _MEANINGFUL = frozenset(
 )
 # Limits on the length of a name with an affix, and on the number of readings that are compared.
 _LONGEST_READ = 256
+_LONGEST_SPELLING = 24
 _MOST_READINGS = 20
-_SIDES = ("l", "r", "left", "right")
+_MOST_NOTED = 4
+_SIDES = ("l", "r", "left", "right", "lf", "rt", "lft", "rgt", "lt")
 
 
 @dataclass(frozen=True)
@@ -78,7 +86,7 @@ class Affix:
         parts = [re.escape(text) for text in (self.prefix, self.suffix)]
         if self.numbered:
             parts = [re.sub(r"\\?#", r"\\d+", part) for part in parts]
-        side = r"[\W_]*(left|right|[lr])" if self.before_side else ""
+        side = rf"[\W_]*({'|'.join(_SIDES)})" if self.before_side else ""
         return re.fullmatch(f"{parts[0]}.*{parts[1]}{side}", name, re.DOTALL | re.IGNORECASE) is not None
 
     def resembles(self, other: "Affix") -> bool:
@@ -159,7 +167,7 @@ def match_with_ties(names: Iterable[str]) -> NameMatch:
         found = set(chosen.values())
         # Names with another affix that repeat shapes are variants, such as corrections; names to the letter are not.
         if affix == _BARE or not found.intersection(reading.values()):
-            added = {name: shape for name, shape in reading.items() if shape not in found}
+            added = {name: shape for name, shape in reading.items() if shape not in found and name not in chosen}
             chosen |= added
             used += [affix] if added else []
     alternates = {name: shape for affix in order for name, shape in readings[affix].items() if name not in chosen}
@@ -211,7 +219,7 @@ def _inner_shapes(name: str) -> Iterator[tuple[Affix, str]]:
     """
     if len(name) > _LONGEST_READ or not names_shape(name):
         return
-    gaps = [(found.start(), found.end()) for found in _WORD_ENDS.finditer(name)]
+    gaps = [(found.start(), found.end()) for found in _CUTS.finditer(name)]
     begins = [0, *(end for _, end in gaps)]
     stops = [*(start for start, _ in gaps), len(name)]
     words = [name[begin:stop].lower() for begin, stop in zip(begins, stops, strict=True)]
@@ -220,19 +228,31 @@ def _inner_shapes(name: str) -> Iterator[tuple[Affix, str]]:
     for first, begin in enumerate(begins):
         run = ""
         for end in range(first, min(first + _MOST_WORDS, len(words))):
-            run += words[end]
-            if not begins_shape(run):
-                break
+            before, run = len(run), run + words[end]
             found: list[tuple[str, Affix]] = []
+            if not begins_shape(run):
+                # A suffix may be glued to the name, as in jawOpenshape.
+                for length in range(min(len(run) - 1, _LONGEST_SPELLING), before, -1):
+                    if re.match(_REST_OF_WORD, run[length:]):
+                        continue
+                    if (shape := spelled_shape(run[:length])) is not None:
+                        found.append((shape, Affix(name[:begin], name[stops[end] - len(run) + length :])))
+                yield from _readings(found)
+                break
             if (shape := spelled_shape(run)) is not None:
                 found.append((shape, Affix(name[:begin], name[stops[end] :])))
             if side and end + 1 < last and (shape := spelled_shape(run + side)) is not None:
                 found.append((shape, Affix(name[:begin], name[stops[end] : begins[last]], True)))
-            for shape, affix in found:
-                if not affix.is_meaningful:
-                    yield affix, shape
-                    if (numberless := affix.numberless) != affix:
-                        yield numberless, shape
+            yield from _readings(found)
+
+
+def _readings(found: list[tuple[str, Affix]]) -> Iterator[tuple[Affix, str]]:
+    """Yield the affixes of the shapes ``found``, those with numbers twice: as they are, and with any number."""
+    for shape, affix in found:
+        if not affix.is_meaningful:
+            yield affix, shape
+            if (numberless := affix.numberless) != affix:
+                yield numberless, shape
 
 
 def _decide(chosen: dict[str, str]) -> tuple[dict[str, tuple[str, ...]], list[str]]:
@@ -268,13 +288,18 @@ def _style(name: str) -> tuple[str, ...]:
 def _note(used: list[Affix], chosen: dict[str, str], alternates: dict[str, str]) -> str:
     """Return the sentence about names that are not read to the letter, or are not used."""
     parts = []
-    for affix in [affix for affix in used if affix != _BARE][:2]:
+    affixes = [affix for affix in used if affix != _BARE]
+    for affix in affixes[:_MOST_NOTED]:
         own = [name for name, shape in chosen.items() if (affix, shape) in _cuts(name)]
         if own:
-            count = len(own)
             parts.append(
-                f"names such as '{own[0][:60]}' are read without their {affix}, which finds {count} of ARKit's shapes"
+                f"names such as '{own[0][:60]}' are read without their {affix}, which finds "
+                f"{counted(len({chosen[name] for name in own}), 'shape', 'shapes')} of ARKit"
             )
+    if len(affixes) > _MOST_NOTED:
+        parts.append(
+            f"{counted(len(affixes) - _MOST_NOTED, 'further affix is', 'further affixes are')} left out likewise"
+        )
     if alternates:
         name, shape = next(iter(alternates.items()))
         plural = len(alternates) > 1

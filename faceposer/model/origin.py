@@ -6,8 +6,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.geometry.mesh import FARTHEST
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.model.errors import InconsistentError
+
+# Least ratio of the sizes along the axes after the mapping to a file, which is a similarity.
+_LEAST_SIZE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +57,16 @@ class Origin:
             and self.uv.shape[1] == 2
             and (len(self.polygon_uvs) == 0 or self.polygon_uvs.shape == self.polygons.shape)
             and self.polygon_uvs.max(initial=-1) < len(self.uv)
-            and np.isfinite(self.linear).all()
-            and np.isfinite(self.neutral).all()
         )
         if not fits:
             raise InconsistentError("the record of its source file is inconsistent")
+        for name in ("linear", "neutral", "uv"):
+            # Comparisons with NaN are False.
+            if not (np.abs(getattr(self, name)) <= FARTHEST).all():
+                raise InconsistentError(f"origin.{name} contains numbers that are not finite or beyond {FARTHEST:g}")
+        sizes = np.linalg.svd(self.linear, compute_uv=False)
+        if not sizes[-1] > _LEAST_SIZE * sizes[0] or sizes[-1] < 1.0 / FARTHEST:
+            raise InconsistentError("origin.linear cannot be inverted")
 
     def vertices_of(self, moved: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return the file's vertices, (M, 3), for displacements ``moved`` of the character's vertices, (N, 3)."""

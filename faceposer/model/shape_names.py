@@ -17,6 +17,8 @@ SPLIT_SHAPES: tuple[str, ...] = (
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
 #: Maximum length of a name that is compared with ARKit's.
 _LONGEST_NAME = 256
+#: Short forms of the sides.
+_SHORT_SIDES = {"left": ("l", "lf", "lft", "lt"), "right": ("r", "rt", "rgt")}
 _SEPARATORS = re.compile(r"[\W_]+")
 _SCOPES = re.compile(r"[.:|/]")
 #: Longest name of a shape in characters, with its separators but without the name of a mesh before it.
@@ -31,7 +33,8 @@ def _spellings(shape: str) -> list[str]:
     stem, side_name = shape[: side.start()].lower(), side[0].lower()
     if shape in _SIDEWAYS:
         return [stem + side_name, stem + side_name[0]]
-    return [stem + side_name, stem + side_name[0], side_name + stem, side_name[0] + stem]
+    sides = (side_name, *_SHORT_SIDES[side_name])
+    return [spelling for short in sides for spelling in (stem + short, short + stem)]
 
 
 _SHAPES = {spelling: shape for shape in (*ARKIT_SHAPES, *SPLIT_SHAPES) for spelling in _spellings(shape)}
@@ -80,7 +83,7 @@ def weight_map(names: Sequence[str], given: Sequence[str]) -> NDArray[np.float64
 def canonical_shape(name: str) -> str | None:
     """Return the shape of ``ARKIT_SHAPES`` or ``SPLIT_SHAPES`` that ``name`` denotes, or None.
 
-    Case and separators are ignored, the side may be ``L``, ``R``, ``Left`` or ``Right`` at either end, and text before
+    Case and separators are ignored, the side may be ``L``, ``Lf``, ``Left`` and so on at either end, and text before
     a dot, colon, bar or slash, such as the mesh's name, is skipped. Names, without that text, have at most
     ``LONGEST_NAME`` characters.
     """

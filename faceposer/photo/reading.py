@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files.images import foreign_format, open_image
 from faceposer.files.reading import open_file
 from faceposer.geometry.texture_images import DECODER_ERRORS
 
@@ -20,18 +21,6 @@ if TYPE_CHECKING:
 
 #: Suffixes of images that Pillow reads, for dialogs and for files dropped onto the window.
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif")
-_RAW = "a raw image of a camera"
-_FOREIGN = {
-    ".heic": "a HEIC image, as iPhones take them",
-    ".heif": "a HEIF image",
-    ".jxl": "a JPEG XL image",
-    ".psd": "a Photoshop document",
-    **dict.fromkeys((".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2"), _RAW),
-}
-#: Suffixes of common image formats that Pillow does not read, which get a message of their own.
-FOREIGN_SUFFIXES = tuple(_FOREIGN)
-_READABLE_STARTS = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n")
-_HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs")
 _JPEG = ("JPEG", "MPO")
 MAX_PIXELS = 120_000_000
 _MAX_BYTES = 512 * 2**20
@@ -136,41 +125,21 @@ def _eight_bits(image: "Image") -> "Image":
     return Image.fromarray(np.nan_to_num(255.0 * values / white).clip(0.0, 255.0).round().astype(np.uint8))
 
 
-def _foreign_format(path: Path) -> str:
-    """Return the format of an image that Pillow does not read, by its content or its suffix; "" for other images."""
-    with open_file(path) as file:
-        start = file.read(64)
-    if start.startswith(_READABLE_STARTS):
-        return ""
-    if start[4:8] == b"ftyp" and b"avif" not in start and b"avis" not in start:
-        brand = start[8:12]
-        if brand in _HEIC_BRANDS:
-            return _FOREIGN[".heic"]
-        if brand in (b"mif1", b"msf1"):
-            return _FOREIGN[".heic" if any(kind in start for kind in _HEIC_BRANDS) else ".heif"]
-        if brand == b"crx ":
-            return _RAW
-    if start.startswith((b"\xff\x0a", b"\x00\x00\x00\x0cJXL ")):
-        return _FOREIGN[".jxl"]
-    if start.startswith(b"8BPS"):
-        return _FOREIGN[".psd"]
-    return _FOREIGN.get(path.suffix.lower(), "")
-
-
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open the image ``path``; errors during its use are reported as ``FacePoserError``."""
     from PIL import Image, UnidentifiedImageError
 
     try:
-        foreign = _foreign_format(path)
+        with open_file(path) as file:
+            foreign = foreign_format(file.read(64), path)
         if foreign:
             raise FacePoserError(f"The photo '{path}' is {foreign}, which cannot be read; save it as JPEG or PNG.")
         with open_file(path, _MAX_BYTES) as file, warnings.catch_warnings():
             # Pillow's warning has a lower limit than MAX_PIXELS.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             warnings.filterwarnings("ignore", category=UserWarning, module="PIL")
-            with Image.open(file) as image:
+            with open_image(file) as image:
                 if image.width * image.height > MAX_PIXELS:
                     raise FacePoserError(
                         f"The photo '{path}' has {image.width} x {image.height} pixels, more than "

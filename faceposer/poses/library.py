@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.files.user_folders import data_folder
 from faceposer.poses.pose_file import Pose, read_pose, write_pose
@@ -193,7 +193,9 @@ def _entries(folder: Path, shipped: bool) -> list[Entry]:
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be listed: {error.strerror}.") from error
     if len(files) > _MOST_POSES:
-        raise FacePoserError(f"The folder '{folder}' has {len(files)} files, more than the maximum of {_MOST_POSES}.")
+        raise FacePoserError(
+            f"The folder '{folder}' has {counted(len(files), 'file')}, more than the maximum of {_MOST_POSES}."
+        )
     entries = []
     for path in files:
         try:

@@ -64,6 +64,8 @@ def write_mp4(
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}", "-r", f"{rate:.6g}", "-i", "-"]
     target = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
     with atomic_file(path, "video") as temporary, tempfile.TemporaryFile() as log:
+        # Fails with the reason of the system, unlike ffmpeg, where no file can be created.
+        temporary.touch()
         process = subprocess.Popen(
             [program, "-y", "-loglevel", "error", *source, *target, str(temporary)],
             stdin=subprocess.PIPE,
@@ -77,10 +79,10 @@ def write_mp4(
                 yield (i + 1) / (count + 1)
             process.stdin.close()
             if process.wait() != 0:
-                raise _failure(path, log)
+                raise _failure(path, temporary, log)
         except BrokenPipeError as error:
             process.wait()
-            raise _failure(path, log) from error
+            raise _failure(path, temporary, log) from error
         finally:
             # Closing flushes the buffer, which fails if ffmpeg has ended.
             with suppress(OSError):
@@ -90,7 +92,8 @@ def write_mp4(
                 process.wait()
 
 
-def _failure(path: Path, log: IO[bytes]) -> FacePoserError:
+def _failure(path: Path, temporary: Path, log: IO[bytes]) -> FacePoserError:
     log.seek(0)
-    reason = " ".join(log.read().decode("utf-8", "replace").split())[-_QUOTED_LOG:] or "no reason given"
+    text = " ".join(log.read().decode("utf-8", "replace").replace(str(temporary), str(path)).split())
+    reason = text[-_QUOTED_LOG:] or "no reason given"
     return FacePoserError(f"ffmpeg cannot write the video '{path}' ({reason}); write a .gif instead.")

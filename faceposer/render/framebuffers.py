@@ -4,17 +4,30 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.files.memory import check_memory
 from faceposer.geometry.camera import Camera
+from faceposer.render.mesh_buffers import is_software_renderer
 from faceposer.render.renderer import Renderer
 
 Size = tuple[int, int]
+# Pixels from which memory is checked. Bytes of an image and of its copies per pixel, and those of the framebuffer per
+# sample, which a software renderer takes from the same memory.
+_LARGE, _PER_PIXEL, _PER_SAMPLE = 1 << 22, 24, 8
 
 
 class ColourTarget:
     """Colour buffer with depth; a multisampled buffer is resolved into ``texture``."""
 
     def __init__(self, ctx: moderngl.Context, size: Size, samples: int = 0) -> None:
-        """Allocate ``size`` pixels with ``samples`` per pixel; 0 for no multisampling."""
+        """Allocate ``size`` pixels with ``samples`` per pixel; 0 for no multisampling.
+
+        Raises:
+            FacePoserError: If there is not enough memory.
+        """
+        pixels = size[0] * size[1]
+        if pixels > _LARGE:
+            kept = _PER_PIXEL + (_PER_SAMPLE * max(samples, 1) if is_software_renderer(ctx) else 0)
+            check_memory(pixels * kept, f"An image of {size[0]} x {size[1]} pixels", "choose a smaller size")
         self.ctx, self.size, self.samples = ctx, size, samples
         self.texture = ctx.texture(size, 4)
         self._depth = ctx.depth_renderbuffer(size)

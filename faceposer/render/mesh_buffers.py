@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from faceposer.errors import FacePoserError
+from faceposer.files.images import open_image
 from faceposer.model.character import Character
 from faceposer.render.line_buffers import LineBuffers
 
@@ -82,7 +83,7 @@ def _edges(character: Character) -> NDArray[np.int32]:
 
 def _texture(ctx: moderngl.Context, data: bytes) -> moderngl.Texture:
     try:
-        with Image.open(io.BytesIO(data)) as encoded:
+        with open_image(io.BytesIO(data)) as encoded:
             if encoded.width * encoded.height > _MOST_PIXELS:
                 raise ValueError
             image = encoded.convert("RGBA" if encoded.mode in ("RGBA", "LA", "P") else "RGB")

@@ -12,7 +12,7 @@ from msgspec import UNSET, Meta, UnsetType, field
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.animation.keyframes import Frame, Keyframes, KeyframesJson
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.paths import expand_user
@@ -264,7 +264,8 @@ class Document:
         for name, pose in poses:
             if pose is not None and len(pose) != model.n_coefficients:
                 raise FacePoserError(
-                    f"{name} has {len(pose)} numbers, but the character '{self.character}' has {model.n_coefficients} "
+                    f"{name} has {counted(len(pose), 'number')}, but the character '{self.character}' has "
+                    f"{model.n_coefficients} "
                     "coefficients; remove the key to start from the neutral face."
                 )
         start = model.neutral() if self.start is None else self.start
@@ -277,10 +278,22 @@ class Document:
                     constraints.append(constraint.resolved(model, start, most))
                 else:
                     constraints.append(constraint.resolved(model, start))
+                _check_in_front(constraints[-1], model, start)
             except ValueError as error:
                 raise FacePoserError(f"constraints[{i}]: {error}.") from error
         photos = tuple(photo if photo.camera is not None else _aligned(photo, model, start) for photo in self.photos)
         return replace(self, constraints=tuple(constraints), photos=photos)
+
+
+def _check_in_front(constraint: Constraint, model: FaceModel, start: NDArray[np.float64]) -> None:
+    """Raise a ValueError if a point of ``constraint`` on the face ``start`` lies behind its camera."""
+    camera = constraint.camera
+    if camera is None or not len(constraint.points):
+        return
+    depths = camera.to_camera(model.positions_at(constraint.points, start))[:, 2]
+    if depths.min() <= 0.0:
+        what = "its point lies" if len(depths) == 1 else "points of it lie"
+        raise ValueError(f"{what} behind its camera; correct the camera's rotation and translation")
 
 
 def _aligned(photo: Photo, model: FaceModel, pose: NDArray[np.float64]) -> Photo:

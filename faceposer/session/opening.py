@@ -6,12 +6,13 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from faceposer.errors import FacePoserError, MissingCharacterError
+from faceposer.errors import FacePoserError, MissingCharacterError, NoSessionError
 from faceposer.files.paths import expand_user, folder_of
 from faceposer.model.character_file import available_characters, load_character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.photo.photo import absolute_path
 from faceposer.session.document import Document, absolute_character, read_document
+from faceposer.session.file_kinds import kind_of
 from faceposer.session.on_disk import content_of
 from faceposer.session.rebinding import rebind
 from faceposer.session.session import Session
@@ -53,15 +54,20 @@ def open_session(what: str, worker: Worker | None = None, character: str = "") -
     path = Path(what)
     if path.suffix.lower() == ".json":
         content = content_of(path)
-        document = read_document(path)
+        try:
+            document = read_document(path)
+        except FacePoserError as error:
+            if kind_of(path):
+                raise NoSessionError(str(error), what) from error
+            raise
         return session_for(replace(document, character=character) if character else document, path, worker, content)
     if path.suffix.lower() != ".npz":
         names = [name for name, _ in available_characters()]
         if what not in names:
             close = difflib.get_close_matches(what, names, 1)
             guess = f" Did you mean '{close[0]}'?" if close else ""
-            raise FacePoserError(
-                f"'{what}' is neither a character ({', '.join(names)}) nor a session file (.json).{guess}"
+            raise NoSessionError(
+                f"'{what}' is neither a character ({', '.join(names)}) nor a session file (.json).{guess}", what
             )
     return Session(load_model(what), Document(absolute_character(what, Path())), worker)
 
@@ -90,6 +96,13 @@ def session_for(
     except MissingCharacterError as error:
         if path is None:
             raise
+        if not character.lower().endswith(".npz"):
+            names = ", ".join(f"'{name}'" for name, _ in available_characters())
+            raise MissingCharacterError(
+                f"The session '{path}' names the character '{character}', which is neither one that is installed "
+                f"({names}) nor the path of a character file (.npz).",
+                character,
+            ) from error
         raise MissingCharacterError(
             f"The session '{path}' needs the character '{Path(character).stem}', which was removed or moved: there is "
             f"no '{character}'.",

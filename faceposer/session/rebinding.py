@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
@@ -58,9 +58,11 @@ def rebind(document: Document, model: FaceModel) -> Rebinding:
         FacePoserError: If the weights of a pose do not match the names of the shapes.
     """
     made_on, name = document.made_on, Path(document.character).stem
+    zeros = _zeros_note(document, model)
     document = _with_neutral(replace(document, made_on=None), model)
     if made_on is None:
-        return _without_version(document, model, name)
+        rebinding = _without_version(document, model, name)
+        return replace(rebinding, remark=" ".join(filter(None, (rebinding.remark, zeros))))
     remarks: list[str] = []
     poses = _PoseConverter(model, made_on.version)
     document = _without_unusable_pose(poses.convert(document, made_on), model)
@@ -105,6 +107,18 @@ def _with_neutral(document: Document, model: FaceModel) -> Document:
     # Without constraints, the pose is the start.
     pose = start if document.coefficients is document.start else fitting(document.coefficients)
     return replace(document, start=start, coefficients=pose)
+
+
+def _zeros_note(document: Document, model: FaceModel) -> str:
+    """Return the sentence about a neutral pose with another number of coefficients; "" if there is none."""
+    for pose in (document.coefficients, document.start):
+        if pose is not None and len(pose) != model.n_coefficients and not pose.any():
+            found = counted(len(pose), "number")
+            return (
+                f"Its pose has {found} instead of {model.n_coefficients}; since all are 0, it was read as the neutral "
+                "face."
+            )
+    return ""
 
 
 def _without_unusable_pose(document: Document, model: FaceModel) -> Document:
@@ -158,7 +172,8 @@ class _PoseConverter:
             return pose
         if len(weights) != len(self._names):
             raise FacePoserError(
-                f"{where} has {len(weights)} numbers, but character.shapes has {len(self._names)} names."
+                f"{where} has {counted(len(weights), 'number')}, but character.shapes has "
+                f"{counted(len(self._names), 'name')}."
             )
         same_rig = self._names == tuple(model.character.shape_names) and len(pose) == model.n_coefficients
         if same_rig and np.abs(model.weights_of(pose) - weights).max(initial=0.0) <= _SAME_WEIGHT:

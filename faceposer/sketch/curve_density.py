@@ -4,7 +4,7 @@ A pose is p = m + L z with z standard normal, where L spans the directions of th
 most. Curves are linear in p in space and, linearised at m, in the image.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -120,13 +120,14 @@ GAPS = {
 
 
 def _gaps(
-    curves: dict[str, tuple[FeatureCurve, ...]] | object, gathered: dict[str, list[tuple[Array, Array]]], r: int
+    curves: Mapping[str, tuple[FeatureCurve, ...]], gathered: dict[str, list[tuple[Array, Array]]], r: int
 ) -> tuple[tuple[Array, Array], dict[str, slice]]:
+    """Return the rows of the gaps of ``GAPS`` at five places each, and the slice of each gap."""
     rows, places, slices, begin = [np.zeros((0, 3, r))], [np.zeros((0, 3))], {}, 0
     for name, (upper, lower) in GAPS.items():
         if upper not in gathered or lower not in gathered:
             continue
-        chains = [curves[upper][0], curves[lower][0]]  # type: ignore[index]
+        chains = [curves[upper][0], curves[lower][0]]
         at = np.linspace(0.25, 0.75, 5)
         sampled = [
             [_at(at * chain.parameters[-1], chain.parameters, values) for values in gathered[side][0]]

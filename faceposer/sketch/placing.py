@@ -1,5 +1,7 @@
 """Places of feature points on a stroke, by arc length along the most probable curve."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,9 @@ Array = NDArray[np.float64]
 
 # A feature point this far beyond an end of a stroke, as a share of the line, is at the end.
 _AT_END = 0.07
+# Standard deviation of places along a line, as a share of its length, and greatest probability of a point, by which
+# probabilities are those of being within half the distance of neighbours; measured on two folds of a performance.
+_DEVIATION, _SURE = 0.033, 0.99
 
 
 def placed_points(
@@ -30,16 +35,12 @@ def placed_points(
     curves = ViewedCurves(found.curves.rows, nearer, found.curves.camera, [track.feature])
     coarse = found.intervals[index]
     finer = evidence(curves, samples, hand, [refined(float(coarse.begins[row]), float(coarse.ends[row]), track.closed)])
-    row, _ = finer.best(0)
     weights = finer.log_evidence[:, direction] + finer.intervals[0].log_weights
     row = int(np.argmax(weights))
     begin, end = float(finer.intervals[0].begins[row]), float(finer.intervals[0].ends[row])
     line = curves.pixels[track.feature]
     along = lengths_along(line)
     share_of = along / max(float(along[-1]), 1e-9)
-    # Standard deviation of the places of points along the line.
-    spread = np.exp(weights - weights.max())
-    spread /= spread.sum()
     unit = hand_unit(found.curves.rows, stroke.camera)
     points = stroke_line(stroke, unit) * unit + stroke.camera.principal_point
     lengths = lengths_along(points)
@@ -47,13 +48,16 @@ def placed_points(
     for names in track.names:
         knots = np.interp(np.linspace(0, track.parameters[-1], len(names)), track.parameters, share_of)
         distinct = len(names) - 1 if track.closed else len(names)
+        gaps = np.diff(knots)
+        before, after = (
+            (np.roll(gaps, 1), gaps) if track.closed else (np.append(gaps[:1], gaps), np.append(gaps, gaps[-1:]))
+        )
+        around = 0.5 * (before + after)
         for knot in range(distinct):
             place = _share(float(knots[knot]), begin, end, track.closed)
             if place is None:
                 continue
-            around = 0.5 * (knots[min(knot + 1, len(knots) - 1)] - knots[max(knot - 1, 0)])
-            deviation = np.hypot(hand.ends + hand.slide, 4.0 * unit / max(float(lengths[-1]), 1e-9))
-            sure = float(np.clip(around / (around + deviation * 0.5), 0.0, 1.0))
+            sure = _SURE * math.erf(0.5 * float(around[knot]) / (math.sqrt(2.0) * _DEVIATION))
             at = (1.0 - place if direction else place) * lengths[-1]
             u, v = at_lengths(points, lengths, [at])[0].tolist()
             matched[names[knot]] = MatchedPoint(names[knot], (u, v), sure)

@@ -1,7 +1,7 @@
 """Recognition by the evidence of the whole stroke, from the present pose (docs/sketching.md)."""
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
@@ -43,7 +43,8 @@ class Tuning:
         temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
         others: The same for the strokes that have been drawn before.
         again: Prior of a feature that has been drawn before, relative to one that has not.
-        priors: Prior of features that are drawn less often than others, relative to these.
+        line: Prior of the line of a closed mouth, relative to another feature.
+        early: The same of a lip and of a lid of ``AFTER`` that is drawn before any that it usually follows.
         unseen: Least prior of a feature that faces away.
         finalists: Number of features that are compared exactly.
     """
@@ -54,15 +55,21 @@ class Tuning:
     spread: float = 0.3
     present: float = 0.4
     temperature: float = 1.5
-    others: float = 4.0
-    again: float = 0.35
-    priors: Mapping[str, float] = field(
-        default_factory=lambda: {"mouth line": 0.7, "left lower lid": 0.5, "right lower lid": 0.5}
-    )
+    others: float = 3.0
+    again: float = 0.2
+    line: float = 0.7
+    early: tuple[float, float] = (0.5, 0.2)
     unseen: float = 0.003
     finalists: int = 4
 
 
+#: Features that are drawn after others: what is below after what is above, what is inside after what is outside.
+AFTER = {
+    "left lower lid": {"left upper lid"},
+    "right lower lid": {"right upper lid"},
+    "inner upper lip": {"outer upper lip", "mouth outline"},
+    "inner lower lip": {"outer lower lip", "inner upper lip", "mouth outline"},
+}
 # Distance of a line's middle from that of a stroke beyond which it is not considered, in units of the hand, and the
 # share of the stroke's length that is added.
 _REACH, _REACH_LENGTH = 110.0, 0.35
@@ -222,7 +229,10 @@ class WholeStrokeRecogniser:
                 continue
             logs[i] += log_openness(self._rows, part, index) / tuning.temperature
             logs[i] += np.log(max(seen[names[i]], tuning.unseen))
-            logs[i] += np.log(tuning.priors.get(names[i], 1.0))
+            if names[i] == "mouth line":
+                logs[i] += np.log(tuning.line)
+            if names[i] in AFTER and not drawn & AFTER[names[i]]:
+                logs[i] += np.log(tuning.early["lid" in names[i]])
             if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
                 logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)

@@ -1,10 +1,11 @@
 """Canonical frame of a face: the similarity from the axes and unit of its file to upright centimetres.
 
 In the canonical frame a face looks along +z with its left at +x, in centimetres. Files use metres or inches, with z up,
-rotated or shifted. The motion determines the rest: brows are above the mouth, and the left smile is on the left.
+rotated or shifted. The motion determines the rest: brows are above the mouth, and the face is the front of the head.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -22,12 +23,16 @@ _FACE_RADIUS = 4.0
 #: Largest difference between both halves, as a share of the face's radius, of a mesh with a plane of symmetry.
 _SYMMETRIC = 0.12
 _SAMPLES = 3000
+_MOST_TRIANGLES = 200_000
 _ROUNDS = 60
 _FEW = 500
 #: Centroid of the moving part of the built-in man, in centimetres.
 _FACE_MIDDLE = np.array([0.0, -5.3, 7.4])
-# Left and right count as exchanged where that fits better by this factor.
-_CLEARLY = 0.6
+# Radius around the face that contains the head, in centimetres, and the least excess of faces that point inwards.
+_HEAD = 16.0
+_CLEARLY_INWARDS = 0.2
+# Correlation of opposite directions.
+_NEGATED = 0.5
 # Least motion of vertices of the face, as a share of the motion of most moving vertices.
 _MOVING = 0.15
 # Penalty, as a share of the distance, for an upward direction perpendicular to the y and z axes of the file.
@@ -41,14 +46,42 @@ _TRIMMED = 0.8
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
-def frame_from_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]) -> tuple[Similarity, bool] | None:
-    """Return the canonical frame of a face with ARKit's shapes, and True if its sides are exchanged.
+@dataclass(frozen=True, eq=False)
+class FaceFrame:
+    """The canonical frame of a face with ARKit's shapes, found from its geometry, and the sides of its shapes.
 
-    The centroids of each shape's motion are aligned with those of the built-in man; then the plane of symmetry is
-    refined. Returns None if the shapes do not determine a frame.
+    Attributes:
+        upright: Similarity from the file's axes and unit to the canonical frame.
+        exchanged: True if the left shapes move the right side.
+        inwards: True if the faces point inwards.
+        negated: True if the shapes move vertices in the opposite directions.
+    """
+
+    upright: Similarity
+    exchanged: bool
+    inwards: bool
+    negated: bool = False
+
+    @property
+    def mirrored(self) -> Similarity:
+        """The frame followed by a reflection of left and right."""
+        rotation, shift = self.upright.rotation, self.upright.translation
+        return Similarity(_MIRROR[:, None] * rotation, _MIRROR * shift, self.upright.scale)
+
+
+def frame_from_shapes(
+    vertices: Array, triangles: NDArray[np.integer], shapes: Mapping[str, NDArray[np.float32]]
+) -> FaceFrame | None:
+    """Return the canonical frame of a face with ARKit's shapes, or None if the shapes do not determine one.
+
+    The centroids of each shape's motion are aligned with those of the built-in man, with the sides as named and with
+    exchanged ones. Names of the wrong side turn the face around; so the side is chosen by where the face looks: the
+    moving part is in front of the rest, and lips and jaw move forward as those of the man. Then the plane of symmetry
+    is refined.
 
     Args:
         vertices: Vertices in the file's unit and axes, shape (N, 3).
+        triangles: Vertex ids, shape (T, 3).
         shapes: Offsets, (N, 3), by ARKit's names.
     """
     reference = _reference_middles()
@@ -65,8 +98,73 @@ def frame_from_shapes(vertices: Array, shapes: Mapping[str, NDArray[np.float32]]
         float(np.linalg.norm(fit.apply(middles) - places, axis=1).mean())
         for fit, places in zip(fits, (targets, crossed), strict=True)
     ]
-    exchanged = misses[1] < _CLEARLY * misses[0]
-    return _make_symmetric(vertices, fits[int(exchanged)]), exchanged
+    motion = np.sum([np.einsum("nd,nd->n", shapes[name], shapes[name], dtype=np.float64) for name in names], axis=0)
+    extent = _capped_extent(motion)
+    total = max(sum(misses), np.finfo(float).tiny)
+    directions = {name: mean_direction(shapes[name]) for name in names}
+    triangles = triangles[:: max(1, len(triangles) // _MOST_TRIANGLES)]
+    likeness = [_directions_like_man(fit, directions) for fit in fits]
+    # Displacements with the opposite sign move up where the man's move down.
+    scores = [
+        _frontness(fit.apply(vertices), triangles, extent)
+        + forward * (1.0 if up >= 0.0 else -1.0)
+        + (rest - miss) / total
+        for fit, (up, forward), miss, rest in zip(fits, likeness, misses, misses[::-1], strict=True)
+    ]
+    exchanged = scores[1] > scores[0]
+    upright = _make_symmetric(vertices, fits[int(exchanged)])
+    inwards = _points_inwards(upright.apply(vertices), triangles, extent)
+    up, forward = likeness[int(exchanged)]
+    return FaceFrame(upright, exchanged, inwards, max(up, forward) < -_NEGATED)
+
+
+def _frontness(placed: Array, triangles: NDArray[np.integer], extent: Array) -> float:
+    """Return how far the moving part is in front of the rest of the head, from -1 to 1.
+
+    Args:
+        placed: Vertices in a canonical frame, shape (N, 3).
+        triangles: Vertex ids, shape (T, 3).
+        extent: Displacement of each vertex, shape (N,).
+    """
+    corners = placed[triangles]
+    centres = corners.mean(axis=1)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    moving = areas * extent[triangles].mean(axis=1)
+    middle = moving @ centres / max(float(moving.sum()), np.finfo(float).tiny)
+    areas = areas * (np.linalg.norm(centres - middle, axis=1) < _HEAD)
+    depth = middle[2] - areas @ centres[:, 2] / max(float(areas.sum()), np.finfo(float).tiny)
+    return float(np.clip(depth / _FACE_RADIUS, -1.0, 1.0))
+
+
+def _directions_like_man(fit: Similarity, directions: Mapping[str, Array]) -> tuple[float, float]:
+    """Return the correlation with the man's of upward and of forward motion, each from -1 to 1.
+
+    Args:
+        fit: Similarity to a canonical frame.
+        directions: Mean direction, shape (3,), by name of the shape.
+    """
+    man = _reference_directions()
+    ours = np.array([fit.rotation @ direction for direction in directions.values()])
+    theirs = np.array([man[name] for name in directions])
+    products, squares = (ours * theirs).sum(axis=0), (ours**2).sum(axis=0) * (theirs**2).sum(axis=0)
+    _, up, forward = (products / np.sqrt(np.maximum(squares, np.finfo(float).tiny))).tolist()
+    return up, forward
+
+
+def _points_inwards(placed: Array, triangles: NDArray[np.integer], extent: Array) -> bool:
+    """Return True if the moving faces of a head that looks along +z point backwards."""
+    corners = placed[triangles]
+    forward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    weighted = forward * extent[triangles].mean(axis=1)
+    return float(weighted.sum()) < -_CLEARLY_INWARDS * float(np.abs(weighted).sum())
+
+
+def mean_direction(offsets: NDArray[np.floating]) -> Array:
+    """Return the mean of the displacements, (N, 3), weighted by and relative to their lengths; at most of length 1."""
+    lengths = np.linalg.norm(offsets.astype(np.float64), axis=1)
+    squares = float(lengths @ lengths)
+    mean: Array = lengths @ offsets / squares if squares > 0.0 else np.zeros(3)
+    return mean
 
 
 def opposite_name(name: str) -> str:
@@ -237,6 +335,12 @@ def _reference_middles() -> dict[str, Array]:
     man = load_character("man")
     pairs = zip(man.shape_names, man.shapes, strict=True)
     return {name: _middle(man.vertices.astype(np.float64), shape) for name, shape in pairs if np.any(shape)}
+
+
+@lru_cache(maxsize=1)
+def _reference_directions() -> dict[str, Array]:
+    man = load_character("man")
+    return {name: mean_direction(shape) for name, shape in zip(man.shape_names, man.shapes, strict=True)}
 
 
 def _middle(vertices: Array, offsets: NDArray[np.float32]) -> Array:

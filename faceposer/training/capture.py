@@ -24,6 +24,8 @@ from faceposer.files.time_columns import is_frame_number, is_time, is_timecode, 
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import canonical_shape, whole_shape_of
+from faceposer.training.take_rows import face_column, is_comment, kept_rows, unread_note
+from faceposer.training.weight_range import HIGHEST, LOWEST, in_range
 
 Array = NDArray[np.float64]
 
@@ -31,16 +33,15 @@ _Lines = Iterable[Row]
 
 _MAX_BYTES = 256 * 2**20
 _MOST_ROWS = 250_000
-# Channels range from 0 to 1, and tracking exceeds this slightly; values beyond these are percentages or invalid.
-_LOWEST, _HIGHEST = -1.0, 2.0
-# Percentages: their limit, the frames that it takes to tell, and the share of weights, if not 0, beyond those limits.
-_MOST_PERCENT, _FRAMES_TO_TELL, _SHARE_TO_TELL = 110.0, 10, 0.2
 # Columns before the weights in a Face Cap frame: "k", the time, and the poses of the head and the eyes.
 _FACE_CAP_WEIGHTS = 12
-_FACE_CAP_LINES = ("info", "bs", "k")
+_FACE_CAP_KIND = "k"
+_FACE_CAP_LINES = ("info", "bs", _FACE_CAP_KIND)
 _FACE_CAP_TIME = "time (ms)"
 # Lines above a header: comments, or facts about the take.
 _LONGEST_PREAMBLE = 12
+# Rows from which the column of times is determined.
+_FIRST_ROWS = 3
 _RATE = re.compile(r"\W*(?:fps|(?:frame|sample)?[ _-]?rate|frames[ _-]?per[ _-]?second)\W*(?:hz)?\W*", re.IGNORECASE)
 _FASTEST = 1000.0
 # Cells of a line in which the face was lost.
@@ -74,17 +75,25 @@ class Clock:
         count = len(self.seen)
         if not self.cells:
             return frames_in_order(count, rate or self.rate)
+        numbers: Array | None
         if not is_frame_number(self.heading):
             times = times_of(self.heading, self.cells)
+            numbers = numbers_of(self.cells) if times is None else None
+            if numbers is not None and (np.diff(numbers) >= 1.0).all():
+                found = frames_numbered(numbers, str(path), rate or self.rate)
+                shown = shown_heading(self.heading)
+                why = f"The times in its column '{shown}' have no unit and rise like numbers of frames; they were read"
+                return replace(found, notes=(f"{why} as these.", *found.notes)) if count > 1 and rate is None else found
             if times is None:
                 why = f"The times in its column '{shown_heading(self.heading)}' are not understood"
                 return frames_in_order(count, rate or self.rate, why)
             placed = frames_at(times.seconds, str(path), rate)
-            said = times.note and rate is None and count > 1 and not placed.assumed
-            return replace(placed, notes=(times.note, *placed.notes)) if said else placed
+            said = (times.note if rate is None and count > 1 and not placed.assumed else "", times.lost)
+            return replace(placed, notes=(*filter(None, said), *placed.notes))
         numbers = numbers_of(self.cells)
         if numbers is None:
-            return frames_in_order(count, rate or self.rate)
+            why = f"Numbers of frames in its column '{shown_heading(self.heading)}' cannot be read"
+            return frames_in_order(count, rate or self.rate, why)
         return frames_numbered(numbers, str(path), rate or self.rate)
 
 
@@ -170,27 +179,45 @@ def _parse(lines: Iterator[Row], path: Path) -> Capture:
         rows = lines
     columns, spelling = _columns(header, path)
     reader = _FrameReader(header, columns, path)
-    frames: list[NDArray[np.float64]] = []
-    seen: list[bool] = []
+    frames: list[NDArray[np.float64] | None] = []
     times: list[str] = []
+    faces: list[str] = []
+    first_rows: list[list[str]] = []
     clock: int | None = None
+    face = face_column(header)
     for number, cells in rows:
-        if len(seen) == _MOST_ROWS:
+        if is_comment(cells):
+            continue
+        if len(frames) == _MOST_ROWS:
             raise FacePoserError(f"'{path}' has more than {_MOST_ROWS:,} frames; split it into shorter takes.")
-        if not seen:
+        if clock is None and len(first_rows) < _FIRST_ROWS:
+            # A row of units may precede the frames.
+            first_rows.append(cells)
             clock = _time_column(header, cells)
             rate = rate or _rate_column(header, cells)
-        frame = reader.frame(cells, number)
-        seen.append(frame is not None)
-        if frame is not None:
-            frames.append(frame)
+            if clock is not None:
+                times = [row[clock] if clock < len(row) else "" for row in first_rows[:-1]]
+        frames.append(reader.frame(cells, number))
         if clock is not None:
             times.append(cells[clock] if clock < len(cells) else "")
-    if not frames:
-        raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
+        if face is not None:
+            faces.append(cells[face] if face < len(cells) else "")
     heading = "" if clock is None else header[clock]
-    weights, notes = reader.in_range(np.array(frames))
-    return Capture(tuple(columns), weights, Clock(np.array(seen), heading, tuple(times), rate), (*spelling, *notes))
+    kept, left_out = kept_rows(heading, times, faces, frames)
+    rows_kept = np.flatnonzero(kept).tolist()
+    seen = np.array([frames[i] is not None for i in rows_kept], dtype=bool)
+    if not seen.any():
+        raise FacePoserError(f"The capture '{path}' has no frame with a face; record it again.")
+    weights, percent = reader.in_range(np.array([frames[i] for i in rows_kept if frames[i] is not None]))
+    notes = (*spelling, unread_note(_unread(header, columns)), *percent, left_out)
+    found = Clock(seen, heading, tuple(times[i] for i in rows_kept if times), rate)
+    return Capture(tuple(columns), weights, found, tuple(note for note in notes if note))
+
+
+def _unread(header: list[str], columns: Mapping[str, list[int]]) -> list[str]:
+    read = {column for group in columns.values() for column in group}
+    unread = [name for column, name in enumerate(header) if name and column not in read]
+    return [name for name in unread if name != _FACE_CAP_KIND and canonical_shape(name) is None]
 
 
 def _header(first: list[str], lines: Iterator[Row], path: Path) -> tuple[list[str], float | None]:
@@ -260,7 +287,7 @@ def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
                 f"Line {number} of '{path}' begins with '{cells[0][:20]}' instead of 'info', 'bs' or 'k', which Face "
                 "Cap writes; export the take again."
             )
-    return ["k", _FACE_CAP_TIME, *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
+    return [_FACE_CAP_KIND, _FACE_CAP_TIME, *(_FACE_CAP_WEIGHTS - 2) * [""], *(names or [])], rows
 
 
 def _columns(header: list[str], path: Path) -> tuple[dict[str, list[int]], tuple[str, ...]]:
@@ -317,8 +344,8 @@ class _FrameReader:
         values = decimal_numbers([cells[column] for column in self._used])
         if values is None:
             values = [_weight(cells[column], header[column], path, number) for column in self._used]
-        if self._beyond is None and (min(values) < _LOWEST or max(values) > _HIGHEST):
-            i = next(i for i, value in enumerate(values) if not _LOWEST <= value <= _HIGHEST)
+        if self._beyond is None and (min(values) < LOWEST or max(values) > HIGHEST):
+            i = next(i for i, value in enumerate(values) if not LOWEST <= value <= HIGHEST)
             column = self._used[i]
             self._beyond = _no_weight(cells[column], header[column], path, number)
         weights = np.array(values)
@@ -334,11 +361,10 @@ class _FrameReader:
         """
         if self._beyond is None:
             return weights, ()
-        sizes = np.abs(weights[weights != 0.0])
-        share = float((sizes > _HIGHEST).mean())
-        if sizes.max() > _MOST_PERCENT or share < _SHARE_TO_TELL or len(weights) < _FRAMES_TO_TELL:
+        found = in_range(weights)
+        if found is None:
             raise self._beyond
-        return weights / 100.0, (f"Its weights reach {sizes.max():.4g} and were read as percentages.",)
+        return found[0], (found[1],) if found[1] else ()
 
 
 def _weight(cell: str, name: str, path: Path, number: int) -> float:

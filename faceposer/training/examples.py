@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.names import displayable
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
@@ -48,6 +48,9 @@ _FEW = 12
 _OTHER_SIZE = 1.25
 # Largest acceptable distance of held-out examples, as a share of their distance from neutral.
 _POOR = 0.5
+# Factors between common units, and the relative deviation that expressions cause.
+_COMMON_UNITS = (0.001, 0.01, 0.0254, 0.1, 0.3048, 1.0 / 2.54, 2.54, 10.0, 25.4, 30.48, 100.0, 1000.0)
+_NEAR_UNIT = 0.03
 
 
 @dataclass(frozen=True)
@@ -229,12 +232,17 @@ def _size_notes(sizes: Array) -> tuple[str, ...]:
     """Return a note about frames of other ``sizes`` than the neutral."""
     if not len(sizes):
         return ()
-    usual = float(np.median(sizes))
+    usual = _plain_factor(float(np.median(sizes)))
     plural = len(sizes) > 1
     return (
         f"{len(sizes)} mesh{'es have' if plural else ' has'} {usual:.3g} times the size of the neutral mesh and "
         f"{'were' if plural else 'was'} scaled to it.",
     )
+
+
+def _plain_factor(size: float) -> float:
+    """Return the factor between common units that ``size``, which expressions change a little, is close to."""
+    return next((unit for unit in _COMMON_UNITS if abs(size / unit - 1.0) < _NEAR_UNIT), size)
 
 
 def _refuse_implausible(sequence: MeshSequence, number: int, vertices: Array, neutral: Array) -> None:
@@ -302,7 +310,9 @@ def _warnings(count: int, curves: Curves, modes: Modes) -> list[str]:
     """Return warnings about the amount of data."""
     found = []
     if count < _FEW:
-        found.append(f"{count} examples are too few to judge the model: it can make little more than blends of them.")
+        found.append(
+            f"{counted(count, 'example')} are too few to judge the model: it can make little more than blends of them."
+        )
     if curves.generalization and curves.generalization[-1] > _POOR * curves.neutral:
         share = 100.0 * curves.generalization[-1] / max(curves.neutral, 1e-12)
         found.append(

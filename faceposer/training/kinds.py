@@ -13,9 +13,11 @@ from faceposer.geometry.mesh_sequence import ARRAY_SUFFIX
 from faceposer.model.name_matching import match_with_ties
 
 Kind = Literal["rig", "examples", "markers"]
+#: Reading of left and right in names: exchanged where they move the other side, as they are, or all exchanged.
+Sides = Literal["auto", "as-named", "exchanged"]
 
 #: Suffixes of files with the motion of markers.
-MARKER_SUFFIXES = (".c3d", ".csv")
+MARKER_SUFFIXES = (".c3d", ".csv", ".trc")
 # Number of files named after ARKit's shapes that make a folder a rig rather than examples.
 _SHAPES_IN_RIG = 5
 # Largest number of files examined, since the window inspects folders while their path is typed.

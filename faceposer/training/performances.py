@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.model.character_file import load_character
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_weights
 from faceposer.progress import Progress
-from faceposer.training.capture import Capture, read_capture
+from faceposer.training.capture import Capture
 from faceposer.training.expressions import Recipe, augment, clean, learn, shapes_of
 from faceposer.training.mfa import convergence_recorded
+from faceposer.training.recordings import read_recording
 from faceposer.training.selection import Choice, Fold, choose_mixture
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class LearnedStatistics:
     def warnings(self) -> list[str]:
         """Shortcomings of the takes and of the choice, one sentence each."""
         lost = [
-            f"The capture '{name}' has {count} frames without a face, which were ignored."
+            f"The capture '{name}' has {counted(count, 'frame')} without a face, which were left out."
             for (name, _), count in zip(self.takes, self.lost, strict=False)
             if count
         ]
@@ -84,11 +85,12 @@ def learn_from_captures(
     captures = []
     for i, path in enumerate(paths):
         progress.at("Reading the performances", i / len(paths))
-        captures.append(read_capture(path))
+        captures.append(read_recording(path))
         if len(captures[-1].weights) < _FEWEST_FRAMES:
+            found = counted(len(captures[-1].weights), "frame", "frames")
             raise FacePoserError(
-                f"The capture '{path}' has {len(captures[-1].weights)} frames with a face, too few to learn from; "
-                f"record at least {_FEWEST_FRAMES} frames."
+                f"The capture '{path}' has {found} with a face, too few to learn from; record at least "
+                f"{_FEWEST_FRAMES} frames."
             )
     names = shapes_of(captures)
     recipe = Recipe()

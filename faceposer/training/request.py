@@ -9,7 +9,7 @@ from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.examples import ExampleOptions, character_from_examples
 from faceposer.training.from_markers import character_from_markers
-from faceposer.training.kinds import Kind, kind_of, plain_name
+from faceposer.training.kinds import Kind, Sides, kind_of, plain_name
 from faceposer.training.rigs import RigOptions, character_from_rig
 
 __all__ = ["Kind", "TrainingRequest", "kind_of", "plain_name", "train"]
@@ -36,6 +36,7 @@ class TrainingRequest:
         credits: Source and licence of the character.
         align_shapes: False to read the shapes of a rig where and in the unit in which they are stored.
         weights_range: Full weight of an avatar's expressions, 1 or 100; None to infer it.
+        sides: Reading of left and right in the names of a rig's shapes.
     """
 
     kind: Kind
@@ -54,6 +55,7 @@ class TrainingRequest:
     credits: str = ""
     align_shapes: bool = True
     weights_range: float | None = None
+    sides: Sides = "auto"
 
 
 def train(request: TrainingRequest, progress: Progress | None = None) -> Character:
@@ -76,6 +78,7 @@ def train(request: TrainingRequest, progress: Progress | None = None) -> Charact
             request.credits,
             request.align_shapes,
             request.weights_range,
+            request.sides,
         )
         return character_from_rig(request.source, options, progress)
     if request.captures:

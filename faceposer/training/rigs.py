@@ -13,32 +13,26 @@ from faceposer.geometry.polygon_mesh import MorphMesh
 from faceposer.geometry.rig_io import read_rig
 from faceposer.model.character import Character
 from faceposer.model.face_model import build_face_model
+from faceposer.model.name_families import family_hint
 from faceposer.model.name_matching import NameMatch, match_with_ties, tie_error
 from faceposer.model.shape_names import half_shapes_of
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
-from faceposer.training.canonical_frame import frame_from_shapes, opposite_name
+from faceposer.training.canonical_frame import frame_from_shapes
 from faceposer.training.displacements import check_displacements
 from faceposer.training.drawn_points import DrawnPoints, drawn_feature_points
 from faceposer.training.eyes import add_gaze, misplaced_eyes
+from faceposer.training.kinds import Sides
 from faceposer.training.landmarks import find_landmarks
 from faceposer.training.measures import curves_of
 from faceposer.training.performances import LearnedStatistics, learn_from_captures
+from faceposer.training.sides import sides_of
 
 #: Least number of ARKit's shapes in a rig.
 _FEWEST_SHAPES = 5
 #: Number of feature points found by motion below which pictures of the face are drawn for the others.
 _FEW_POINTS = 40
 _DRAWS = 256
-_EXCHANGED = (
-    "Its left shapes move its right side: the mesh is mirrored, or its shapes are named from the viewer's side. "
-    "Performances and gaze are mirrored."
-)
-_MIRRORED = (
-    "The mesh is mirrored: its left shapes move its right side, and its faces point inwards. Performances and gaze are "
-    "mirrored; export it again without the negative scale."
-)
-_INSIDE_OUT = "The faces of the mesh point inwards; reverse them where it looks wrong."
 # Reconstruction error above which a shape is listed in the summary.
 _LISTED_ERROR = 0.01
 
@@ -57,6 +51,7 @@ class RigOptions:
         credits: Source and licence of the character.
         align_shapes: False to read shapes where and in the unit in which they are stored.
         weights_range: Full weight of an avatar's expressions, 1 or 100; None to infer it.
+        sides: Reading of left and right in the names of the shapes.
     """
 
     name: str
@@ -68,6 +63,7 @@ class RigOptions:
     credits: str = ""
     align_shapes: bool = True
     weights_range: float | None = None
+    sides: Sides = "auto"
 
 
 def character_from_rig(path: Path, options: RigOptions, progress: Progress | None = None) -> Character:
@@ -94,28 +90,27 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
     named = {name: offsets for name, offsets in targets.items() if name not in wholes}
     moving = [name for name, offsets in named.items() if np.any(offsets)]
     if len(moving) < _FEWEST_SHAPES:
-        examples = ", ".join(f"'{name}'" for name in list(rig.targets)[:3])
-        raise FacePoserError(
-            f"The rig '{source}' has {len(moving)} of ARKit's 52 shapes, which is too few (its shapes are called "
-            f"{examples}); rename them to ARKit's names, such as jawOpen, or train from them with --examples."
-        )
+        raise _too_few(source, rig, len(named), len(moving))
     progress.at("Aligning the face", 0.2)
-    found = frame_from_shapes(rig.mesh.vertices, named)
-    if found is None:
+    frame = frame_from_shapes(rig.mesh.vertices, rig.mesh.triangles(), named)
+    if frame is None:
         raise FacePoserError(
             f"The shapes of the rig '{source}' move too little of the face to determine its orientation; add shapes of "
             "brows, eyes and mouth, or train from it with --examples."
         )
-    upright, exchanged = found
-    check = check_displacements(named, float(upright.scale), options.align_shapes)
-    if check.implausible:
-        raise FacePoserError(
-            f"The shape {check.implausible} of the rig '{source}' moves vertices by {check.size:.2g} cm, which no face "
-            "does; export it again in the unit of the neutral face."
-        )
-    if check.note:
-        notes.append(check.note)
+    if frame.negated and options.align_shapes:
+        notes.append("The shapes move vertices in the opposite directions; their displacements were negated.")
+        named = {name: -offsets for name, offsets in named.items()}
+    sides = sides_of(rig.mesh.vertices, named, frame, options.sides)
+    notes += sides.notes
+    named, moved = sides.named, sides.moved
+    check = check_displacements(moved, rig.mesh.vertices, rig.mesh.polygons, sides.upright, options.align_shapes)
+    if check.refusal:
+        raise FacePoserError(f"The rig '{source}' cannot be used: {check.refusal}.")
+    notes += check.notes
+    if check.factor != 1.0:
         named = {name: (check.factor * offsets).astype(np.float32) for name, offsets in named.items()}
+    upright = sides.upright
     mesh = assemble(rig.mesh, upright, np.stack([*named.values()]), rig.textures)
     drawn = {*mesh.textures.values()}
     unused = [material for material, image in rig.textures.items() if image not in drawn]
@@ -124,18 +119,44 @@ def character_from_morphs(rig: MorphMesh, source: str, options: RigOptions, prog
             f"{len(unused)} texture{'s are' if len(unused) > 1 else ' is'} not used, such as that of the material "
             f"'{unused[0][:60]}': its faces are in one part with those of another material."
         )
-    facts = _Facts(displayable(Path(source).name), match.missing, match.others, exchanged, (*rig.notes, *notes))
+    missing = tuple(sides.renamed.get(name, name) for name in match.missing)
+    facts = _Facts(displayable(Path(source).name), missing, match.others, tuple(sides.moved), (*rig.notes, *notes))
     return _character(facts, named, mesh, options, progress)
+
+
+def _too_few(source: str, rig: MorphMesh, named: int, moving: int) -> FacePoserError:
+    """Return the error for a rig of which ``named`` shapes are ARKit's and ``moving`` of these move vertices."""
+    if named >= _FEWEST_SHAPES:
+        many = "none of them moves a vertex" if not moving else f"only {moving} of them move vertices"
+        return FacePoserError(
+            f"The rig '{source}' has {named} of ARKit's 52 shapes, but {many}; export it with the displacements of its "
+            "shapes (shape keys, blend shapes)."
+        )
+    examples = ", ".join(f"'{name[:60]}'" for name in list(rig.targets)[:3])
+    hint = family_hint(rig.targets)
+    if hint:
+        remedy = f". {hint}"
+    elif named == len(rig.targets):
+        remedy = "; add shapes of brows, eyes and mouth, or train from it with --examples."
+    else:
+        remedy = "; rename them to ARKit's names, such as jawOpen, or train from them with --examples."
+    return FacePoserError(
+        f"The rig '{source}' has {moving} of ARKit's 52 shapes, which is too few (its shapes are called {examples})"
+        f"{remedy}"
+    )
 
 
 @dataclass(frozen=True)
 class _Facts:
-    """Facts about a rig for the summary: names that it lacks or that are not ARKit's, and notes for the user."""
+    """Facts about a rig for the summary: names that it lacks or that are not ARKit's, and notes for the user.
+
+    ``by_side`` has the names of the shapes by the side that they move, in the order of the shapes.
+    """
 
     source: str
     missing: Sequence[str]
     others: Sequence[str]
-    exchanged: bool
+    by_side: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -183,8 +204,7 @@ def _character(
     shapes = mesh.displacements(np.stack([named[name] for name in names]))
     turned = add_gaze(mesh.vertices.astype(np.float64), mesh.parts, names, shapes)
     progress.at("Finding eyes, brows and mouth", 0.4)
-    by_side = [opposite_name(name) if facts.exchanged else name for name in names]
-    landmarks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(by_side, shapes, strict=True)))
+    landmarks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(facts.by_side, shapes, strict=True)))
     drawn = drawn_feature_points(mesh) if len(landmarks.feature_points) < _FEW_POINTS else DrawnPoints({}, {})
     learned: LearnedStatistics | None = None
     if options.captures:
@@ -219,27 +239,11 @@ def _character(
         "not_arkit": list(facts.others),
         "eyes_turned": turned,
         "points_from_pictures": len(character.feature_points) - len(landmarks.feature_points),
-        "warnings": [*facts.notes, *_sides(facts.exchanged, character)]
-        + misplaced_eyes(mesh.vertices, mesh.parts)
-        + (learned.warnings if learned else []),
+        "warnings": [*facts.notes] + misplaced_eyes(mesh.vertices, mesh.parts) + (learned.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(character),
     }
     return replace(character, summary=summary)
-
-
-def _sides(exchanged: bool, character: Character) -> list[str]:
-    """Return a note about exchanged sides, or faces that point inwards."""
-    skin = [part for part in character.parts if part.material == "skin"] or list(character.parts)
-    largest = max(skin, key=lambda part: part.polygons[1] - part.polygons[0])
-    triangles = character.triangles[slice(*character.part_triangles(largest))]
-    corners = character.vertices[triangles].astype(np.float64)
-    middle = corners.mean(axis=(0, 1))
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inwards = float(np.einsum("td,td->", normals, corners.mean(axis=1) - middle)) < 0.0
-    if exchanged:
-        return [_MIRRORED if inwards else _EXCHANGED]
-    return [_INSIDE_OUT] if inwards else []
 
 
 def _measures(character: Character) -> dict[str, object]:

@@ -1,17 +1,20 @@
 """Summaries of characters and their training as text, JSON and plots."""
 
+import importlib.util
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import atomic_file
+from faceposer.errors import FacePoserError, counted, printable
+from faceposer.files import paths
+from faceposer.files.atomic import atomic_file, check_new_folder, check_output
 from faceposer.files.writing import with_null, write_json
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import whole_shape_of
 
+_TEXT, _PLOT = "summary.json", "summary.png"
 _MANY = 6
 _LONGEST_LINE = 4000
 # Reconstruction error above which a shape is reported.
@@ -41,7 +44,8 @@ def text_of_summary(character: Character) -> str:
     """Return a summary of a character in a few lines of text."""
     about = description_of(character)
     lines = [
-        f"{character.title} ('{character.name}'): {about['file_vertices']} vertices, {len(character.polygons)} faces, "
+        f"{character.title} ('{character.name}'): {counted(about['file_vertices'], 'vertex', 'vertices')}, "
+        f"{counted(len(character.polygons), 'face')}, "
         f"parts: {', '.join(part.name for part in character.parts)}",
     ]
     try:
@@ -58,7 +62,7 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
     """Return the lines about the training."""
     lines = []
     if summary.get("kind") == "rig":
-        lines.append(f"{arkit_shapes_of(summary)}, {summary['dimensions']} dimensions")
+        lines.append(f"{arkit_shapes_of(summary)}, {counted(summary['dimensions'], 'dimension')}")
         for key, words in (
             ("missing", "missing"),
             ("empty", "empty (without motion)"),
@@ -74,7 +78,10 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
                 f"{share:.1f} % of it lost"
             )
     elif summary:
-        lines.append(f"{summary['examples']} examples, {summary['dimensions']} modes; neutral: {summary['neutral']}")
+        lines.append(
+            f"{counted(summary['examples'], 'example')}, {counted(summary['dimensions'], 'mode')}; "
+            f"neutral: {summary['neutral']}"
+        )
         worst = summary["worst"]
         lines.append(
             f"kept energy {_percent(summary['kept_energy'])}; worst region {worst['region']}, "
@@ -83,32 +90,36 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
         if "markers" in summary:
             marked = summary["markers"]
             lines.append(
-                f"{marked['frames']} frames of markers, {marked['frames_left_out']} skipped, "
-                f"{marked['gaps_filled']} gaps filled"
+                f"{counted(marked['frames'], 'frame')} of markers, {marked['frames_left_out']} left out, "
+                f"{counted(marked['gaps_filled'], 'gap')} filled"
             )
     else:
-        lines.append(f"{len(character.shape_names)} shapes")
+        lines.append(f"{counted(len(character.shape_names), 'shape')}")
     if summary.get("points_from_pictures"):
-        lines.append(f"{summary['points_from_pictures']} feature points were found in pictures of the face")
+        lines.append(f"{counted(summary['points_from_pictures'], 'feature point')} found in pictures of the face")
     lines += _prior_lines(summary.get("prior", {}))
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
         lines.append(
             f"held-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
-            f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with {curves['components'][-1]} components"
+            f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with "
+            f"{counted(curves['components'][-1], 'component', 'components')}"
         )
     return lines + [f"Note: {warning}" for warning in summary.get("warnings", [])]
 
 
 def arkit_shapes_of(summary: Mapping[str, Any]) -> str:
-    """Describe the number of ARKit's shapes in a rig from its summary, without missing and empty ones.
+    """Describe the number of ARKit's shapes in a rig from its summary.
 
     A shape that a rig splits into two halves counts once.
     """
-    lacking = {*summary["missing"], *map(whole_shape_of, summary["empty"])}
-    present = len(ARKIT_SHAPES) - len(lacking)
+    missing = set(summary["missing"])
+    empty = {*map(whole_shape_of, summary["empty"])} - missing
+    present = len(ARKIT_SHAPES) - len(missing)
     text = f"{present} of ARKit's {len(ARKIT_SHAPES)} shapes"
-    if summary["shapes"] != present + len(summary["empty"]):
+    if empty:
+        text += f", {len(empty)} of them empty"
+    if summary["shapes"] != present:
         text += f", as {summary['shapes']} sliders, some for one side"
     return text
 
@@ -117,13 +128,15 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
     if "components" not in prior:
         return [f"prior: {prior['from']}"] if prior else []
     lines = [
-        f"prior: {prior['components']} factor analyzers of {prior['factors']} factors"
+        f"prior: {counted(prior['components'], 'factor analyzer', 'factor analyzers')} of "
+        f"{counted(prior['factors'], 'factor', 'factors')}"
         f"{', set by the user' if prior['fixed_by_user'] else ', chosen by cross-validation'} (log-likelihood "
         f"{prior['held_out_log_likelihood']:.1f}; one Gaussian {prior['one_gaussian']:.1f})"
     ]
     if prior.get("takes"):
         lines.append(
-            "learned from " + ", ".join(f"{take['file']} ({take['frames']} frames)" for take in prior["takes"])
+            "learned from "
+            + ", ".join(f"{take['file']} ({counted(take['frames'], 'frame')})" for take in prior["takes"])
         )
     if prior.get("missing_channels"):
         lines.append(f"no channel in the performances: {_listed(prior['missing_channels'])}")
@@ -154,6 +167,27 @@ def findings_of(character: Character, model: FaceModel) -> list[str]:
     return [printable(finding, _LONGEST_LINE) for finding in found]
 
 
+def check_summary(folder: Path, has_plots: bool) -> None:
+    """Check that ``write_summary`` could write into ``folder``, before any work is done for it.
+
+    Args:
+        folder: The folder, which need not exist.
+        has_plots: True if the training yields curves to plot.
+
+    Raises:
+        FacePoserError: If it could not.
+    """
+    check_new_folder(folder)
+    if paths.is_dir(folder):
+        check_output(folder / _TEXT, ".json")
+        check_output(folder / _PLOT, ".png")
+    if has_plots and importlib.util.find_spec("matplotlib") is None:
+        raise FacePoserError(
+            "The plot of the summary needs matplotlib, which is not installed: pip install 'faceposer[plots]', or "
+            "leave out the summary."
+        )
+
+
 def write_summary(folder: Path, character: Character) -> None:
     """Write ``summary.json`` and ``summary.png`` into ``folder``, which is created if it does not exist.
 
@@ -164,8 +198,8 @@ def write_summary(folder: Path, character: Character) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(f"The summary cannot be written to '{folder}': {error.strerror}.") from error
-    write_json(folder / "summary.json", description_of(character), "summary", ascii_only=False)
-    _plot(folder / "summary.png", character)
+    write_json(folder / _TEXT, description_of(character), "summary", ascii_only=False)
+    _plot(folder / _PLOT, character)
 
 
 def _plot(path: Path, character: Character) -> None:

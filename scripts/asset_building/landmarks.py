@@ -4,6 +4,8 @@ Positions are given on the base mesh in centimetres, whose vertices are the same
 character's left are mirrored to the right.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -20,7 +22,7 @@ _MIDDLE = {
     "2.2": ("middle of the inner upper lip", (0.0, 66.30, 15.78)),
     "2.3": ("middle of the inner lower lip", (0.0, 65.74, 15.59)),
     "2.10": ("chin", (0.0, 63.27, 14.99)),
-    "8.1": ("middle of the outer upper lip", (0.0, 66.71, 16.01)),
+    "8.1": ("middle of the outer upper lip", (0.0, 66.98, 15.95)),
     "8.2": ("middle of the outer lower lip", (0.0, 64.89, 15.56)),
     "9.3": ("nose tip", (0.0, 69.15, 16.82)),
     "9.12": ("nose bridge", (0.0, 71.05, 15.83)),
@@ -42,9 +44,9 @@ _PAIRS = {
     ("5.1", "5.2"): ("centre of the {} cheek", (4.3, 68.2, 13.1)),
     ("5.3", "5.4"): ("{} cheekbone", (5.2, 70.9, 12.2)),
     ("8.3", "8.4"): ("{} mouth corner", (2.66, 66.08, 14.35)),
-    ("8.5", "8.6"): ("{} half of the outer upper lip", (1.45, 66.55, 15.45)),
+    ("8.5", "8.6"): ("{} half of the outer upper lip", (1.43, 67.06, 15.43)),
     ("8.7", "8.8"): ("{} half of the outer lower lip", (1.4, 65.1, 15.2)),
-    ("8.10", "8.9"): ("{} peak of the upper lip", (0.45, 66.86, 15.95)),
+    ("8.10", "8.9"): ("{} peak of the upper lip", (0.5, 67.1, 15.92)),
     ("9.1", "9.2"): ("{} nostril", (1.78, 69.0, 14.9)),
     ("9.5", "9.4"): ("{} bottom edge of the nose", (1.0, 68.25, 15.2)),
     ("10.1", "10.2"): ("top of the {} ear", (8.0, 73.35, 5.0)),
@@ -72,7 +74,11 @@ def mirrored_ids(place: Floats) -> Ints:
 
 
 def feature_points(
-    skin: Skin, place: Floats, parts: tuple[Part, ...], kept: Ints | None = None
+    skin: Skin,
+    place: Floats,
+    parts: tuple[Part, ...],
+    kept: Ints | None = None,
+    elsewhere: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> tuple[dict[str, int], dict[str, str]]:
     """Return vertex id and title of each feature point.
 
@@ -81,7 +87,9 @@ def feature_points(
         place: The skin's vertices on the base mesh in centimetres, shape (N, 3).
         parts: The parts of the character.
         kept: Vertices of the skin that the character has, on both sides and in its order, if not all.
+        elsewhere: Other places of feature points in the middle or on the left, by id.
     """
+    places = elsewhere or {}
     mirror = mirrored_ids(place)
     kept = np.arange(len(place), dtype=np.int32) if kept is None else kept
     number = {vertex: k for k, vertex in enumerate(kept.tolist())}
@@ -98,9 +106,9 @@ def feature_points(
             points[name], titles[name] = number[int(vertex)], title.format(side)
 
     for name, (title, target) in _MIDDLE.items():
-        points[name], titles[name] = number[nearest(middle, target)], title
+        points[name], titles[name] = number[nearest(middle, places.get(name, target))], title
     for pair, (title, target) in _PAIRS.items():
-        add_pair(pair, title, nearest(outside, target))
+        add_pair(pair, title, nearest(outside, places.get(pair[0], target)))
     for pair, (title, ring, (x, y)) in _LIDS.items():
         ids = np.intersect1d(skin.rings_left[ring], kept)
         from_middle = place[ids, :2] - 0.5 * (place[ids, :2].min(axis=0) + place[ids, :2].max(axis=0))

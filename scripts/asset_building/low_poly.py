@@ -73,6 +73,11 @@ _INNER_RING = LASH_RING - 2
 _LIP_DEPTH = 0.6
 #: Overlap of the coarse edges of closed lids, in centimetres, and number of iterations to reach it.
 _LIP_OVERLAP, _ROUNDS = 0.04, 4
+#: Places on the red of the upper lip whose vertices are kept in place of those of the feature points, which are at its
+#: edge: the order of vertices in files does not change.
+_UPPER_LIP = {"8.1": (0.0, 66.71, 16.01), "8.5": (1.45, 66.55, 15.45), "8.10": (0.45, 66.86, 15.95)}
+#: The peak of the lip, where the coarse mesh has a vertex at its edge.
+_LIP_PEAK = {"8.10": (1.0, 67.15, 15.75)}
 #: Factor on the eyeball's size, so that its facets do not intersect those of the lids.
 _EYE_SCALE = 0.975
 
@@ -83,7 +88,7 @@ def build_low(builder: Builder) -> Character:
     everyone = even(identity_vertices(builder.source, builder.rest, LOW), builder.mirror)
     pieces = builder.pieces(everyone, builder.units, LOW)
     masks = vertex_masks(builder.source, skin)
-    fine_points, _ = feature_points(skin, place, join(pieces).parts)
+    fine_points, _ = feature_points(skin, place, join(pieces).parts, elsewhere=_UPPER_LIP)
     named = regions(skin, place, masks, ())
     mesh = _simplified_skin(skin, pieces[0], place, named, list(fine_points.values()))
     number = mesh.index(len(place))
@@ -96,7 +101,7 @@ def build_low(builder: Builder) -> Character:
     joined = join(parts)
     named = regions(skin, place, masks, joined.parts)
     kept = {name: ids if name.startswith("eye_") else number[ids] for name, ids in named.items()}
-    points, titles = feature_points(skin, place, joined.parts, mesh.kept)
+    points, titles = feature_points(skin, place, joined.parts, mesh.kept, _LIP_PEAK)
     names, shapes = in_halves(ARKIT_SHAPES, joined.shapes, joined.vertices[:, 0])
     textures = paint(builder.texels, LOOKS[LOW.name])
     wanted = {name: textures[name] for name in ("skin", "eye", "tongue", "throat")} | {"teeth": jpeg(paint_bands(), 90)}

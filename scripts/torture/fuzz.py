@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, is_shown
 from scripts.torture import mutations
 from scripts.torture.fuzz_readers import READERS, finite, prepare
 from scripts.torture.fuzz_seeds import make_seeds
@@ -100,7 +100,7 @@ def read_file(name: str, path: Path) -> str:
             return "accepted" if finite(READERS[name].read(path)) else "not finite"
     except FacePoserError as error:
         said = str(error)
-        if not said.isprintable() or len(said) > _LONGEST_MESSAGE or not said.endswith((".", "?")):
+        if not all(map(is_shown, said)) or len(said) > _LONGEST_MESSAGE or not said.endswith((".", "?")):
             return "message that is not one printable sentence"
         found = _INTERNAL.search(said)
         return f"wording: {found[0]}" if found else "refused"

@@ -29,6 +29,7 @@ from faceposer.poses.pose_file import read_pose
 from faceposer.session.autosave import find_orphans
 from faceposer.session.opening import load_model, open_session
 from faceposer.sketch.strokes_file import read_strokes
+from faceposer.sketch.svg_file import read_svg
 from faceposer.solve.camera_io import read_camera
 from faceposer.training.summary import findings_of, text_of_summary
 from scripts.torture import mutations
@@ -123,6 +124,11 @@ def _camera(path: Path) -> Values:
 
 def _pins(path: Path) -> Values:
     yield [pin.pixel for pin in read_pins(path)]
+
+
+def _drawing(path: Path) -> Values:
+    for stroke in read_svg(path).strokes:
+        yield stroke.points
 
 
 def _strokes(path: Path) -> Values:
@@ -220,6 +226,7 @@ READERS: dict[str, Reader] = {
         Reader("camera", _camera, (mutations.json_structure,)),
         Reader("pins", _pins, (mutations.json_structure,)),
         Reader("strokes", _strokes, (mutations.json_structure,)),
+        Reader("drawing", _drawing, (mutations.lines,)),
         Reader("marker map", _marker_map, (mutations.json_structure,)),
         Reader("markers", _markers, (mutations.table,)),
         Reader("c3d", _markers, (mutations.words_of_16_bits,)),

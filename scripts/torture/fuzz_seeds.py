@@ -23,6 +23,7 @@ from faceposer.poses.pose_file import Pose
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import load_model
 
+_DRAWINGS = Path(__file__).resolve().parents[2] / "docs" / "drawings"
 _CAMERA: dict[str, Any] = {
     "rotation": [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]],
     "translation": [0.0, -2.25, 104.5],
@@ -109,6 +110,7 @@ def _files(folder: Path, model: FaceModel) -> dict[str, dict[str, Any]]:
         "camera": {"camera.json": _CAMERA, "view.json": {"view": "front", "size": [640, 480]}},
         "pins": {"pins.json": header | {"format": "faceposer.pins", "pins": pins}},
         "strokes": {"strokes.json": _strokes()},
+        "drawing": {f"{path.stem}.svg": path.read_bytes() for path in sorted(_DRAWINGS.glob("*.svg"))},
         "marker map": {
             "map.json": header
             | {

@@ -244,7 +244,7 @@ def test_wrong_json_is_refused_with_its_file_and_place(
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("a.txt", "", "with the suffix .csv, .json or .c3d"),
+        ("a.txt", "", "with the suffix .csv, .json, .c3d or .trc"),
         ("a.json", "{", "not valid JSON at line 1"),
         ("a.json", "[" * 100_000, "not valid JSON"),
         ("a.csv", "frame,8.3.x\n0,1\n", "has no column 8.3.y"),
@@ -275,7 +275,7 @@ def test_bad_files_are_refused_in_one_sentence(
     ("table", "rate", "said"),
     [
         ("time,8.3.x,8.3.y\n0,1,2\n40,1,2\n80,1,2\n160,1,2\n", 25.0, "read as milliseconds"),
-        ("Time (s);8.3.x;8.3.y\n0;1,5;2\n0,04;1,5;2\n0,08;1,5;2\n0,16;1;2\n", 25.0, "1 of its 5 frames are missing"),
+        ("Time (s);8.3.x;8.3.y\n0;1,5;2\n0,04;1,5;2\n0,08;1,5;2\n0,16;1;2\n", 25.0, "1 of its 5 frames is missing"),
         ("frame,8.3.x,8.3.y\n0,1,2\n1,1,2\n2,1,2\n4,1,2\n", 30.0, "30 frames per second were assumed"),
         ("8.3.x,8.3.y\n1,2\n1,2\n1,2\n,\n1,2\n", 30.0, "30 frames per second were assumed"),
         ("time,8.3.x,8.3.y\n0,1,2\n1e-9,1,2\n2e-9,1,2\n3e-9,1,2\n4e-9,1,2\n", 30.0, "'time' tell no rate"),

@@ -178,3 +178,48 @@ def test_wrong_uses_are_refused_in_one_sentence_before_any_work(strokes: Path, t
         assert err.count("\n") == 1
     assert not out.exists()
     assert strokes.read_bytes() == before
+
+
+DRAWING = Path(__file__).resolve().parents[2] / "docs" / "drawings" / "sadness.svg"
+
+
+def test_a_drawing_poses_the_face_and_is_reported(tmp_path: Path, capsys: Capture) -> None:
+    out, report = tmp_path / "out.json", tmp_path / "r.json"
+    code, said, _ = run_captured(capsys, "sketch", "man", DRAWING, "-o", out, "--report", report)
+    assert code == 0
+    assert "mouth line" in said
+    assert "7 of 14 lines are features" in said
+    data = json.loads(report.read_text())
+    assert data["relative"] == "assumed"
+    lines = [line["feature"] for line in data["strokes"]]
+    assert len(lines) == 14
+    assert {"left brow", "right brow", "mouth line"} <= set(lines)
+    document = read_document(out)
+    kinds = {c.feature for c in document.constraints if isinstance(c, SketchConstraint)}
+    assert kinds == set(lines) - {None}
+
+
+def test_a_drawing_relative_to_itself_is_neutral(man: FaceModel, tmp_path: Path, capsys: Capture) -> None:
+    out = tmp_path / "out.json"
+    code, _, _ = run_captured(capsys, "sketch", "man", DRAWING, "-o", out, "--relative", DRAWING)
+    assert code == 0
+    for sketch in read_document(out).constraints:
+        assert isinstance(sketch, SketchConstraint)
+        if "brow" in sketch.feature:
+            mean = np.mean(sketch.stroke, axis=0)
+            line = np.mean(drawn(man, sketch.feature, man.neutral(), sketch.camera), axis=0)
+            assert np.linalg.norm(mean - line) < 8.0
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--recognition", "ours"), "--recognition is for strokes"),
+        (("--relative", "missing.svg"), "missing.svg"),
+    ],
+)
+def test_wrong_options_of_drawings(options: tuple[str, ...], said: str, tmp_path: Path, capsys: Capture) -> None:
+    code, _, error = run_captured(capsys, "sketch", "man", DRAWING, "-o", tmp_path / "o.json", *options)
+    assert code == 2
+    assert said in error
+    assert not (tmp_path / "o.json").exists()

@@ -125,7 +125,7 @@ def test_lost_faces_in_captures_are_in_the_summary(
     words = ("train", "--rig", rig, "--capture", take, "--components", 2, "--factors", 2, "-o", tmp_path / "me.npz")
     status, out, _ = run_captured(capsys, *words)
     assert status == 0
-    assert "Note: The capture 'take.csv' has 30 frames without a face, which were ignored." in out
+    assert "Note: The capture 'take.csv' has 30 frames without a face, which were left out." in out
 
 
 @pytest.mark.parametrize(

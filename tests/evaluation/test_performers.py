@@ -178,6 +178,8 @@ def test_only_one_performer_may_be_split(takes: dict[str, tuple[Path, ...]]) -> 
 
 def test_jumps_are_changes_per_second(tmp_path: Path) -> None:
     frames = np.zeros((120, 52))
+    # No row is the same as the one before: those at the same time would be taken for repetitions.
+    frames[:, 0] = np.linspace(0.0, 0.1, 120)
     frames[60:, 24] = 0.2
     kept = {rate: len(steady(write_take(tmp_path / f"{rate}.csv", frames, rate), 0.3).weights) for rate in (30.0, 60.0)}
     assert kept == {30.0: 120, 60.0: 119}

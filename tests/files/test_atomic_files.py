@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import atomic_files
+from faceposer.files.atomic import atomic_files, atomic_folder
 
 
 def write(paths: list[Path], text: str, blocked: Path | None = None) -> None:
@@ -63,7 +63,7 @@ def test_special_files_and_folders_are_refused_before_the_work(tmp_path: Path) -
     (tmp_path / "device.png").symlink_to("/dev/null")
     for name, what in (("pipe", "is a device"), ("folder", "is a folder"), ("device", "leads to a device")):
         paths = [tmp_path / f"{name}.png", tmp_path / "a.obj"]
-        with pytest.raises(FacePoserError, match=f"The mesh '.*{name}.png' cannot be written: it {what}"):
+        with pytest.raises(FacePoserError, match=f"The file '.*{name}.png' cannot be written: it {what}"):
             write(paths, "new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["device.png", "folder.png", "pipe.png"]
 
@@ -92,3 +92,12 @@ def test_two_links_to_one_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match=r"'.*a\.mtl' and '.*a\.obj' are links to one file"):
         write(paths, "new")
     assert (tmp_path / "file").read_text() == "old"
+
+
+def test_errors_of_files_in_a_new_folder_name_the_folder(tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError) as caught, atomic_folder(tmp_path / "frames") as temporary:
+        raise FacePoserError(f"The mesh '{temporary / 'a.0001.ply'}' cannot be written: No space left on device.")
+    assert str(caught.value) == (
+        f"The mesh '{tmp_path / 'frames' / 'a.0001.ply'}' cannot be written: No space left on device."
+    )
+    assert not list(tmp_path.iterdir())

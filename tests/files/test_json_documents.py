@@ -276,11 +276,11 @@ def test_texts_that_cannot_be_encoded_have_a_place(tmp_path: Path) -> None:
         assert str(caught.value).isprintable()
 
 
-def test_of_keys_that_are_there_twice_the_last_counts_or_none(tmp_path: Path) -> None:
+def test_keys_that_are_there_twice_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text('{"a": {"b": 1, "c": 2, "b": 3}}')
-    assert read_json(path, "session", parsed) == {"a": {"b": 3, "c": 2}}
-    assert 'the key "b" occurs twice' in refused(path, unique_keys=True)
+    assert 'the key "b" occurs twice' in refused(path)
+    assert json_documents.parse_json(path.read_bytes()) == {"a": {"b": 3, "c": 2}}
 
 
 def test_only_regular_files_are_read(tmp_path: Path) -> None:

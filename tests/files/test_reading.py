@@ -17,8 +17,6 @@ from faceposer.geometry.marker_map import read_marker_map
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
 from faceposer.geometry.mesh_sequence import open_sequence
 from faceposer.geometry.rig_io import read_rig
-from faceposer.interchange.gltf_weights import read_gltf_weights
-from faceposer.interchange.weights_json import read_weights
 from faceposer.model.character_file import load_character
 from faceposer.model.expression_statistics import load_expression_statistics
 from faceposer.photo.pins_file import read_pins
@@ -26,6 +24,8 @@ from faceposer.photo.reading import inspect_photo, read_photo
 from faceposer.poses.pose_file import read_pose
 from faceposer.session.document import read_document
 from faceposer.training.capture import read_capture
+from faceposer.training.gltf_weights import read_gltf_weights
+from faceposer.training.weights_file import read_weights
 
 ROOT = Path(__file__).resolve().parents[2]
 READERS: list[tuple[Callable[[Path], Any], tuple[str, ...]]] = [

@@ -132,7 +132,8 @@ def test_clock_times_and_dates(cells: list[str]) -> None:
 
 def test_several_samples_at_a_time_are_spread() -> None:
     frames = frames_of("Timecode", [timecode(i // 2, 30) for i in range(180)])
-    assert (frames.rate, frames.length, frames.notes) == (60.0, 180, ())
+    assert (frames.rate, frames.length) == (60.0, 180)
+    assert frames.notes == ("Most of its samples share their times; they were spread evenly between these.",)
     rounded = frames_of("time", [f"{i / 120:.2f}" for i in range(360)])
     assert (rounded.rate, rounded.length, rounded.notes) == (120.0, 360, ())
 
@@ -192,6 +193,7 @@ def test_times_that_are_mostly_empty_are_refused(last: float) -> None:
 def test_times_that_tell_nothing_are_said() -> None:
     assert frames_at(np.zeros(5), "a.csv").notes == ("Its times do not rise; 30 frames per second were assumed.",)
     assert "not plausible" in frames_at(np.arange(5) * 1e-5, "a.csv").notes[0]
+    assert "less than a microsecond" in frames_at(np.arange(5) * 1e-310, "a.csv").notes[0]
     assert frames_in_order(1, None).notes == ()
     numbered = frames_numbered(np.array([5.0, 6.0, 9.0]), "a.csv", None)
     np.testing.assert_array_equal(numbered.places, [0.0, 1.0, 4.0])
@@ -220,7 +222,7 @@ def test_markers_are_not_seen_where_no_sample_is() -> None:
     whole, notes = placed(frames, values)
     np.testing.assert_array_equal(whole[[0, 1, 2, 4]], values)
     assert np.isnan(whole[3]).all()
-    assert "1 of its 5 frames are missing" in notes[0]
+    assert "1 of its 5 frames is missing" in notes[0]
     rng = np.random.default_rng(0)
     seconds = np.cumsum(rng.uniform(0.02, 0.05, 100))
     seconds[50:] += 1.0
@@ -252,3 +254,9 @@ def test_headings_of_times_and_frames() -> None:
         assert not is_time(heading), heading
     for heading in ("Frame", "frame_number", "frameId", "Frame No."):
         assert is_frame_number(heading), heading
+
+
+def test_few_samples_with_a_gap_of_an_hour_are_refused() -> None:
+    times = np.concatenate([np.arange(100) / 60.0, 3600.0 + np.arange(100) / 60.0])
+    with pytest.raises(FacePoserError, match="most of which are empty"):
+        frames_at(times, "a.csv")

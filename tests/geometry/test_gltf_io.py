@@ -8,6 +8,7 @@ import struct
 import warnings
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -375,9 +376,18 @@ def test_weights_of_avatars_may_be_of_the_other_version(version: int, whole: flo
 
 def test_textures_that_cannot_be_read_are_said(tmp_path: Path) -> None:
     for image, said in (
-        ({"uri": "none.png"}, "its image is missing or cannot be read"),
-        ({"data": b"\xabKTX 20\xbb"}, "the format KTX2 is not supported"),
-        ({"data": PNG[:40]}, "it is not an image"),
+        ({"uri": "none.png"}, f"there is no such file in the folder '{tmp_path}'; copy it there"),
+        ({"uri": "no%20ne.png"}, f"there is no such file in the folder '{tmp_path}'; copy it there"),
+        ({"uri": "https://example.org/a.png"}, "it is a URL, and nothing is downloaded; save it next to the file"),
+        ({"uri": "//example.org/a.png"}, "it is a URL, and nothing is downloaded; save it next to the file"),
+        ({"uri": "../a.png"}, f"it lies outside of the folder '{tmp_path}'; copy it there"),
+        ({"uri": "/etc/a.png"}, f"it lies outside of the folder '{tmp_path}'; copy it there"),
+        ({"uri": "."}, "it is not a file"),
+        ({"uri": "data:image/png;base64,@"}, "its data is missing or damaged|it is not an image"),
+        ({"data": b"\xabKTX 20\xbb"}, "it is a KTX2 image, which cannot be read; save it as JPEG or PNG"),
+        ({"data": b"8BPS\0\1"}, "it is a Photoshop document, which cannot be read; save it as JPEG or PNG"),
+        ({"data": b"\0\0\0\x18ftypheic\0\0\0\0mif1heic"}, "it is a HEIC image, as iPhones take them"),
+        ({"data": PNG[:40]}, "it is damaged"),
         ({"data": b"text"}, "it is not an image"),
     ):
         builder = face()
@@ -389,7 +399,42 @@ def test_textures_that_cannot_be_read_are_said(tmp_path: Path) -> None:
         builder.json["images"] = [image or {"bufferView": builder.view(data), "mimeType": "image/png"}]
         rig = read_gltf(builder.write(tmp_path / "a.glb"))
         assert not rig.textures
-        assert f"of the material 'skin' is not used: {said}" in rig.notes[0]
+        assert re.search(f"of the material 'skin' is not used: ({said})", rig.notes[0]), rig.notes
+        if "uri" in image and "data" not in str(image):
+            # The file is named.
+            assert f"'{unquote(str(image['uri']))}'" in rig.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("extension", "said"),
+    [
+        ("KHR_draco_mesh_compression", "compressed with Draco, which cannot be read; export it without compression"),
+        ("EXT_meshopt_compression", "compressed with meshopt, which"),
+        ("KHR_meshopt_compression", "compressed with meshopt, which"),
+        ("KHR_brand_new", "requires the extension 'KHR_brand_new' of glTF, which cannot be read"),
+        ("KHR_mesh_quantization", ""),
+        ("KHR_materials_unlit", ""),
+        ("KHR_texture_basisu", ""),
+        ("VRMC_vrm", ""),
+    ],
+)
+def test_required_extensions_that_are_not_read_are_said(extension: str, said: str, tmp_path: Path) -> None:
+    builder = face()
+    builder.json["extensionsRequired"] = [extension]
+    if not said:
+        assert len(read_gltf(builder.write(tmp_path / "a.glb")).mesh.vertices)
+        return
+    with pytest.raises(FacePoserError, match=said):
+        read_gltf(builder.write(tmp_path / "a.glb"))
+
+
+def test_far_too_many_morph_targets_are_refused_before_they_are_read(tmp_path: Path) -> None:
+    builder = face()
+    primitive = builder.json["meshes"][0]["primitives"][0]
+    primitive["targets"] = primitive["targets"][:1] * 10_000
+    builder.json["meshes"][0].get("extras", {}).pop("targetNames", None)
+    with pytest.raises(FacePoserError, match="has 10000 morph targets; at most 4000 are read"):
+        read_gltf(builder.write(tmp_path / "a.glb"))
 
 
 def broken(change: str) -> Builder:
@@ -445,7 +490,7 @@ def broken(change: str) -> Builder:
     ("change", "said"),
     [
         ("offset", r"bufferViews\[0\]: its bytes 1048576 to 1048624 exceed its buffer"),
-        ("negative", r"bufferViews\[0\]: 'byteOffset' is '-4'"),
+        ("negative", r"bufferViews\[0\]: 'byteOffset' is -4"),
         ("count", r"accessors\[0\]: its 5 entries end at byte 60 of a buffer view of 48"),
         ("huge", "has more than 5000000 vertices"),
         ("unbacked", r"accessors\[0\]: it has 4000000 entries without data"),
@@ -455,7 +500,7 @@ def broken(change: str) -> Builder:
         ("index", r"meshes\[0\]\.primitives\[0\]: its index 1 is vertex 9 of 4"),
         ("thirds", "not a multiple of 3"),
         ("target", r"targets\[0\]: the target 'smile' has 3 vertices, its mesh 4"),
-        ("text", r"accessors\[0\]: 'count' is 'many'"),
+        ("text", r"accessors\[0\]: 'count' is the text 'many'"),
         ("accessor", "'POSITION' is 77, but there are 4 accessors"),
         ("mesh", r"nodes\[0\]: 'mesh' is 3"),
         ("list", "'nodes' must be a list"),

@@ -181,7 +181,7 @@ def test_bad_tables_are_refused_by_place(tmp_path: Path) -> None:
     for name, what in (
         ("gone.csv", "cannot be read"),
         ("binary.csv", "cannot be read"),
-        ("a.txt", ".c3d or .csv file"),
+        ("a.txt", ".csv or .trc file"),
     ):
         with pytest.raises(FacePoserError, match=what):
             read_markers(tmp_path / name)
@@ -261,7 +261,7 @@ def test_c3d_counts_that_differ_are_said(tmp_path: Path) -> None:
     path = write_c3d(tmp_path / "a.c3d", moving(67, 40), tuple(f"M{i}" for i in range(40)))
     motion = read_markers(without_trial(path, 1, 67, 60))
     assert len(motion.positions) == 67
-    assert motion.notes == ("Its header and parameters state 60 and 67 frames; 67 were read.",)
+    assert motion.notes == ("Its header and its parameters state 67 and 60 frames; 67 were read.",)
     assert read_markers(path, 50.0).rate == 50.0
 
 
@@ -308,3 +308,26 @@ def test_frame_numbers_of_programs_keep_gaps(tmp_path: Path) -> None:
     assert motion.rate == 100.0
     assert motion.seen[:, 0].tolist() == [True, True, True, False, False, True]
     assert "2 of its 6 frames are missing" in motion.notes[0]
+
+
+@pytest.mark.parametrize("separator", ["\t", ","])
+def test_trc_files_are_read(separator: str, tmp_path: Path) -> None:
+    lines = [
+        ["PathFileType", "4", "(X/Y/Z)", "a.trc"],
+        ["DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate"],
+        ["120.00", "120.00", "3", "2", "mm", "120.00"],
+        ["Frame#", "Time", "Anna:Chin", "", "", "Anna:Nose", "", ""],
+        ["", "", "X1", "Y1", "Z1", "X2", "Y2", "Z2"],
+        [""],
+        ["1", "0.00000", "1", "2", "3", "4", "5", "6"],
+        ["2", "0.00833", "1", "2", "3.5", "", "", ""],
+        ["4", "0.02500", "1", "2", "4", "4", "5", "6"],
+    ]
+    (tmp_path / "a.trc").write_text("\n".join(separator.join(line) for line in lines) + "\n")
+    motion = read_markers(tmp_path / "a.trc")
+    assert motion.names == ("Chin", "Nose")
+    assert (motion.rate, motion.unit_scale) == (120.0, 0.1)
+    np.testing.assert_array_equal(motion.positions[[0, 1, 3], 0, 2], [3.0, 3.5, 4.0])
+    assert np.isnan(motion.positions[1, 1]).all()
+    assert np.isnan(motion.positions[2]).all()
+    assert motion.notes[-1].startswith("1 of its 4 frames is missing")

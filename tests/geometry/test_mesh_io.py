@@ -54,13 +54,13 @@ def test_other_formats_keep_their_order(tmp_path: Path) -> None:
     ("name", "content", "said"),
     [
         ("a.obj", "v 0 0\n", "broken at line 1: 'v' needs 3 numbers"),
-        ("a.obj", "v 0 0 0\nf 1 2 3\n", "broken at line 2: index 2 is out of range for the 1 entries"),
+        ("a.obj", "v 0 0 0\nf 1 2 3\n", "broken at line 2: index 2 is out of range for the 1 entry"),
         ("a.obj", "v 0 0 0\nv x 0 0\n", "broken at line 2"),
         ("a.obj", "v 0 0 0\nf 1 1\n", "at least 3 corners"),
         ("a.obj", "", "no faces"),
         ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "Vertex 1 of the mesh .* is not finite"),
         ("a.ply", "ply\nnonsense", "does not begin with a PLY header"),
-        ("a.off", "nonsense", "is broken or is not a mesh of type OFF"),
+        ("a.off", "nonsense", "Line 1 of .* is invalid: 'nonsense' is not a number"),
         ("a.txt", "hello", "not a supported mesh"),
     ],
 )

@@ -147,7 +147,7 @@ def test_other_topology(tmp_path: Path) -> None:
     obj(tmp_path / "1.obj", 1, FACES[::-1])
     refused(tmp_path, r"topology of '.*1\.obj' differs from the neutral '.*0_neutral\.obj': face 1 differs")
     obj(tmp_path / "1.obj", 1, FACES[:1])
-    refused(tmp_path, r"1 faces, not 2; export all meshes with the same")
+    refused(tmp_path, r"1 face, not 2; export all meshes with the same")
 
 
 def test_other_number_of_vertices(tmp_path: Path) -> None:

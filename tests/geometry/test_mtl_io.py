@@ -51,7 +51,10 @@ def test_names_with_spaces_and_several_libraries(tmp_path: Path) -> None:
 def test_what_is_missing_damaged_or_elsewhere_is_said(tmp_path: Path) -> None:
     found, notes = textures(tmp_path)
     assert (found, len(notes)) == ({}, 1)
-    assert notes[0] == "The material library 'a.mtl' is not read: there is no such file."
+    assert (
+        notes[0]
+        == f"The material library 'a.mtl' is not read: there is no such file in the folder '{tmp_path}'; copy it there."
+    )
     inside = tmp_path / "rig"
     inside.mkdir()
     (tmp_path / "skin.png").write_bytes(image("PNG"))
@@ -61,12 +64,18 @@ def test_what_is_missing_damaged_or_elsewhere_is_said(tmp_path: Path) -> None:
         ("link.png", "outside"),
         ("text.png", "not an image"),
         ("cut.png", "damaged"),
-        ("skin.ktx2", "the format KTX2 is not supported"),
+        ("skin.ktx2", "it is a KTX2 image, which cannot be read; save it as JPEG or PNG"),
+        ("skin.psd", "it is a Photoshop document, which cannot be read; save it as JPEG or PNG"),
+        ("skin.jpg", "it is a HEIC image, as iPhones take them, which cannot be read; save it as JPEG or PNG"),
+        ("https://example.org/skin.png", "it is a URL, and nothing is downloaded; save it next to the file"),
+        ("file:///skin.png", "it is a URL"),
     ):
         (inside / "a.mtl").write_text(f"newmtl skin #1\nmap_Kd {reference}\n")
         (inside / "text.png").write_text("no image")
         (inside / "cut.png").write_bytes(image("PNG")[:45])
         (inside / "skin.ktx2").write_bytes(b"\xabKTX 20\xbb")
+        (inside / "skin.psd").write_bytes(b"8BPS\0\1")
+        (inside / "skin.jpg").write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic")
         (inside / "link.png").unlink(missing_ok=True)
         (inside / "link.png").symlink_to(tmp_path / "skin.png")
         found, notes = textures(inside)

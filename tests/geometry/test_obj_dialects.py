@@ -80,3 +80,20 @@ def test_files_of_macos_about_files_are_no_meshes(tmp_path: Path) -> None:
     assert list(read_rig(tmp_path).targets) == ["smile"]
     with pytest.raises(FacePoserError, match=r"\._smile\.obj' is not a mesh but a file of macOS"):
         read_mesh(tmp_path / "._smile.obj")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("v 1_000 0 0", "line 4: '1_000' is not a number"),
+        ("v \u0663 0 0", "line 4: '\u0663' is not a number"),
+        ("v \uff11 0 0", "line 4: '\uff11' is not a number"),
+        ("f 1_0 2 3", "line 4: '1_0' is not the index of a vertex"),
+        ("f \uff11 2 3", "line 4: '\uff11' is not the index of a vertex"),
+    ],
+)
+def test_numbers_have_plain_digits(line: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\n{line}\nf 1 2 3\n", encoding="utf-8")
+    with pytest.raises(FacePoserError, match=said):
+        read_mesh(path)

@@ -104,6 +104,7 @@ POINTS = "0 0 0\n1 0 0\n0 1 0\n"
         (HEAD + FACE + POINTS + "-2 0 1\n", r"'face' 1 has a list of -2"),
         (HEAD + FACE + POINTS + "nan 0 1\n", r"'face' 1 has a list of nan"),
         (HEAD + FACE + POINTS + "3 0 1 oops\n", "line 4 after its header has a value that is not a number"),
+        (HEAD + FACE + POINTS + "3 0 1\xa02 2\n", "line 4 after its header has a value that is not a number"),
         (HEAD + FACE + POINTS.replace("1", "nan") + "3 0 1 2\n", "Vertex 2 of the mesh .* is not finite"),
         (HEAD + "end_header\n" + POINTS, "has no faces"),
         (HEAD.replace("float z", "float w") + FACE + POINTS + "3 0 1 2\n", "no vertices with x, y and z"),
@@ -111,7 +112,7 @@ POINTS = "0 0 0\n1 0 0\n0 1 0\n"
 )
 def test_broken_files_are_refused(tmp_path: Path, content: str, said: str) -> None:
     path = tmp_path / "a.ply"
-    path.write_text(content)
+    path.write_text(content, encoding="latin-1")
     with pytest.raises(FacePoserError, match=said) as caught:
         read_mesh(path)
     assert str(path) in str(caught.value)

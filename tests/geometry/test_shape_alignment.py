@@ -83,7 +83,7 @@ def test_a_folder_says_what_was_done_and_which_file_is_wrong(tmp_path: Path) -> 
     write_obj(tmp_path / "smile.obj", shape[::-1], faces)
     rig = read_rig(tmp_path)
     np.testing.assert_allclose(rig.targets["jawOpen"], shape - neutral, atol=1e-3)
-    assert re.search("1 shape was scaled by 100 against the neutral face .*jawOpen", rig.notes[0])
+    assert re.search("The shape 'jawOpen' was scaled by 100 against the neutral face", rig.notes[0])
     assert list(rig.unusable) == ["smile"]
     assert re.search(r"smile\.obj' is not an expression of .*neutral\.obj': .* another order", rig.unusable["smile"])
 
@@ -124,7 +124,7 @@ def test_shapes_with_vertices_in_another_order_are_put_in_order_by_their_faces(s
     write(shape[order], place[faces])
     rig = read_rig(tmp_path)
     np.testing.assert_allclose(rig.targets["jawOpen"], shape - neutral, atol=1e-3)
-    assert "1 shape has the vertices in another order than the neutral face (such as 'jawOpen')" in rig.notes[0]
+    assert "The shape 'jawOpen' has its vertices in another order than the neutral face" in rig.notes[0]
     write(shape[order], place[faces[::-1]])
     with pytest.raises(FacePoserError, match=r"The faces of the shape '.*jawOpen.*' differ from the neutral face"):
         read_rig(tmp_path)

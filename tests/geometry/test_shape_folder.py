@@ -112,7 +112,7 @@ def test_other_topologies_are_refused_with_the_place(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match=r"frown\.obj' has 4 vertices, but .*neutral\.obj' has 5; export all"):
         read_rig(tmp_path)
     write_obj(tmp_path / "frown.obj", VERTICES, FACES[:, [1, 2, 3, 0]][:1])
-    with pytest.raises(FacePoserError, match=r"frown\.obj' differ from .*: it has 1 faces, not 2; export all"):
+    with pytest.raises(FacePoserError, match=r"frown\.obj' differ from .*: it has 1 face, not 2; export all"):
         read_rig(tmp_path)
     write_obj(tmp_path / "frown.obj", VERTICES, np.array([[0, 1, 2, 3], [1, 4, 3, -1]]))
     with pytest.raises(FacePoserError, match=r"face 2 has the corners 2, 5, 4, not 2, 5, 3"):

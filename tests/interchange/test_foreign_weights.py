@@ -1,6 +1,7 @@
 """JSON of other tools is read where it is clear which weights are meant, and refused where it is not."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.reading import read_performance
-from faceposer.interchange.weights_json import read_weights
 from faceposer.model.face_model import FaceModel
+from faceposer.training.weights_file import read_weights
 
 JAW = [round(i / 20, 3) for i in range(20)]
 NAMES = ["eyeBlinkLeft", "jawOpen", "somethingElse", "mouth_close"]
@@ -96,12 +97,12 @@ def test_frames_without_a_face_are_interpolated_and_said(empty: Any, tmp_path: P
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        ({"a": FORMS["objects"], "b": FORMS["objects"]}, "in several places, '.a' and '.b'"),
+        ({"a": FORMS["objects"], "b": FORMS["objects"]}, "in several places, 'a' and 'b'"),
         ([{"jawOpen": 7.0}, {"jawOpen": 1e9}], "which is neither of 0 to 1 nor of 0 to 100"),
         ({"a": [1, 2, {"b": 3}]}, 'no "format"'),
         ([], 'no "format"'),
         ([[[[[[[[[[[[{"jawOpen": 1}]]]]]]]]]]]], 'no "format"'),
-        ({"jawOpen": True}, 'no "format"'),
+        ({"jawOpen": True}, "jawOpen must be a number, not true"),
         ({"jawOpen": [0, 1], "mouthClose": [1]}, 'no "format"'),
         ({"format": "faceposer.session", "jawOpen": 1}, 'no "format"'),
     ],
@@ -119,7 +120,7 @@ def test_curves_with_keys_of_their_own_are_interpolated(tmp_path: Path) -> None:
     ]
     read = read_weights(write(tmp_path / "a.json", {"curves": curves}))
     assert read.rate == 30.0
-    assert "Its keys are far apart; 30 frames per second were assumed." in read.notes
+    assert "Its keys are 1 s apart; they were interpolated at 30 frames per second." in read.notes
     np.testing.assert_allclose(read.frames[:, 0], np.arange(61) / 60.0, atol=1e-9)
     np.testing.assert_allclose(read.frames[:, 1], 0.5)
     assert len(read_weights(tmp_path / "a.json", 10.0).frames) == 21
@@ -150,3 +151,74 @@ def test_curves_at_times_and_at_frames_are_not_mixed(tmp_path: Path) -> None:
     ]
     with pytest.raises(FacePoserError, match="some of its curves have keys at times and some at frames"):
         read_weights(write(tmp_path / "a.json", curves))
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ('[{"jawOpen": NaN, "mouthClose": 0.2}, {"jawOpen": 0.5}]', "[0].jawOpen must be a number, not NaN"),
+        ('[{"jawOpen": 0.1}, {"jawOpen": 1e400, "mouthClose": 0}]', "[1].jawOpen must be a number, not 1e400"),
+        ('{"frames": [{"jawOpen": null, "mouthClose": 0.2}]}', "frames[0].jawOpen must be a number, not null"),
+        ('[{"jawOpen": "n/a", "mouthClose": 0.2}]', "[0].jawOpen must be a number, not 'n/a'"),
+        ('[{"name": "jawOpen", "value": NaN}, {"name": "mouthClose", "value": 1}]', "[0].value must be a number"),
+        ('[["jawOpen", -Infinity], ["mouthClose", 1]]', "[0][1] must be a number, not -Infinity"),
+        ('{"jawOpen": [0, NaN, 1], "mouthClose": [0, 0, 0]}', "jawOpen[1] must be a number, not NaN"),
+        (
+            '{"names": ["jawOpen", "mouthClose", "jawLeft"], "rows": [[0, 1, 0], [0, null, 1]]}',
+            "rows[1][1] must be a number, not null",
+        ),
+        ('[{"jawOpen": 0.1, "jawOpen": 0.5}]', 'the key "jawOpen" occurs twice'),
+        ('[{"jawOpen": 0.1}] 5', "(more text follows the end)"),
+    ],
+)
+def test_values_that_are_no_weights_are_refused_by_place(text: str, place: str, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(FacePoserError, match=re.escape(place)):
+        read_weights(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-8-sig"])
+def test_encodings_are_those_of_tables(encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_bytes(json.dumps(FORMS["objects"]).encode(encoding))
+    assert len(read_weights(tmp_path / "a.json").frames) == len(JAW)
+
+
+def test_lines_of_json_are_frames(tmp_path: Path) -> None:
+    lines = [json.dumps({"time": 0.04 * i, "jawOpen": jaw}) for i, jaw in enumerate(JAW)]
+    (tmp_path / "a.json").write_text("\n".join(lines) + "\n\n")
+    read = read_weights(tmp_path / "a.json")
+    assert read.rate == 25.0
+    np.testing.assert_allclose(read.frames[:, 0], JAW)
+
+
+@pytest.mark.parametrize(
+    ("value", "rate"),
+    [("24", 24.0), ("30000/1001", 30000 / 1001), ({"num": 30000, "den": 1001}, 30000 / 1001), (50, 50.0)],
+)
+def test_rates_are_numbers_texts_and_fractions(value: Any, rate: float, tmp_path: Path) -> None:
+    data = {"fps": value, "frames": [{"jawOpen": jaw} for jaw in JAW]}
+    read = read_weights(write(tmp_path / "a.json", data))
+    assert (read.rate, read.notes) == (pytest.approx(rate), ())
+
+
+def test_what_is_left_out_is_told(tmp_path: Path) -> None:
+    frames = [{"jawOpen": jaw} for jaw in JAW]
+    data: Any = {"meta": {"rest": {"jawOpen": 0.02}}, "fps": 25, "frames": frames}
+    read = read_weights(write(tmp_path / "a.json", data))
+    assert read.notes == ("A pose outside of its frames, at 'meta.rest', was not read.",)
+    both = {"fps": 25, "frames": [{"faces": [{"jawOpen": jaw}, {"jawOpen": 0.9}]} for jaw in JAW]}
+    read = read_weights(write(tmp_path / "a.json", both))
+    np.testing.assert_allclose(read.frames[:, 0], JAW)
+    assert read.notes == ("It has up to 2 faces in a frame; the first of each frame was read.",)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_square_matrices_are_read_by_their_smoothness(turned: bool, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    names = ["jawOpen", "mouthClose", "jawLeft", "jawRight", "mouthFunnel", "mouthPucker", "cheekPuff", "noseSneerLeft"]
+    weights = rng.uniform(0.2, 0.8, 8) + 0.02 * np.arange(8)[:, None]
+    rows = weights.T if turned else weights
+    read = read_weights(write(tmp_path / "a.json", {"fps": 25, "names": names, "weightMat": rows.tolist()}))
+    np.testing.assert_allclose(read.frames, weights)
+    kind = "shape" if turned else "frame"
+    assert f"may be for frames or for shapes; each was read as a {kind}" in read.notes[0]

@@ -8,10 +8,11 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.interchange.glb import write_glb
-from faceposer.interchange.gltf_weights import read_gltf_weights
 from faceposer.interchange.reading import read_performance, read_pose
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.training.gltf_weights import read_gltf_weights
+from faceposer.training.named_weights import NamedWeights
 
 
 def test_our_own_animation_comes_back(low: FaceModel, performance: Performance, tmp_path: Path) -> None:
@@ -87,10 +88,65 @@ def test_uneven_keys_become_even_frames(tmp_path: Path) -> None:
 
 def test_steps_hold_and_cubics_go_through_their_keys(tmp_path: Path) -> None:
     write_curve(tmp_path / "a.glb", [0.0, 0.1, 0.3], [0, 0, 1, 0.5, 0.2, 0], "STEP")
-    np.testing.assert_allclose(read_gltf_weights(tmp_path / "a.glb").frames[:, 0][:3], [0, 1, 1], atol=1e-6)
-    keys = [[9, 9, 0, 0.5, 9, 9], [9, 9, 1, 0.25, 9, 9]]
-    write_curve(tmp_path / "b.glb", [0.0, 0.1], [value for key in keys for value in key], "CUBICSPLINE")
-    np.testing.assert_allclose(read_gltf_weights(tmp_path / "b.glb").frames, [[0, 0.5], [1, 0.25]], atol=1e-6)
+    read = read_gltf_weights(tmp_path / "a.glb")
+    np.testing.assert_allclose(read.frames[:, 0], [0, 0, 0, 1, 1, 1, 1, 1, 1, 0.2], atol=1e-6)
+    keys = [[9, 9, 0, 0.5, 0, 0], [0, 0, 1, 0.25, 9, 9]]
+    write_curve(tmp_path / "b.glb", [0.0, 1.0], [value for key in keys for value in key], "CUBICSPLINE")
+    t = np.arange(31) / 30.0
+    smooth = 3.0 * t**2 - 2.0 * t**3
+    read = read_gltf_weights(tmp_path / "b.glb")
+    np.testing.assert_allclose(read.frames, np.stack([smooth, 0.5 - 0.25 * smooth], axis=1), atol=1e-6)
+    keys[1][0] = 3.0
+    write_curve(tmp_path / "c.glb", [0.0, 1.0], [value for key in keys for value in key], "CUBICSPLINE")
+    bent = read_gltf_weights(tmp_path / "c.glb").frames[:, 0]
+    np.testing.assert_allclose(bent, smooth + 3.0 * (t**3 - t**2), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("frames", "rate", "found"),
+    [
+        ([0, 59], 24.0, 24.0),
+        ([0, 10, 13, 30, 37, 59], 30.0, 30.0),
+        ([0, 7, 20, 26, 59], 24.0, 24.0),
+        ([0, 13, 17, 40], 25.0, 25.0),
+        ([0, 7, 31], 60.0, 60.0),
+        ([0, 2, 2.5, 6], 1.0, 30.0),
+        ([0, 1, 2, 10, 11, 12, 40, 59], 24.0, 24.0),
+        ([0, 1.234, 3.777], 1.0, 30.0),
+    ],
+)
+@pytest.mark.parametrize("kind", ["LINEAR", "STEP"])
+def test_no_key_is_lost(frames: list[float], rate: float, found: float, kind: str, tmp_path: Path) -> None:
+    times = [2.0 + frame / rate for frame in frames]
+    weights = [0.1 * (i + 1) for i in range(len(times))]
+    write_curve(tmp_path / "a.glb", times, [value for weight in weights for value in (weight, 0.0)], kind)
+    read = read_gltf_weights(tmp_path / "a.glb")
+    assert read.rate == pytest.approx(found, rel=1e-3)
+    assert read.frames[-1, 0] == pytest.approx(weights[-1])
+    assert len(read.frames) == np.ceil((times[-1] - times[0]) * found - 1e-2) + 1
+    if float(frames[-1]) != 3.777:
+        at = np.rint((np.array(times) - 2.0) * found).astype(int)
+        np.testing.assert_allclose(read.frames[at, 0], weights, atol=1e-4)
+
+
+def test_percentages_are_told_from_large_weights(tmp_path: Path) -> None:
+    times = [i / 24.0 for i in range(10)]
+
+    def read(most: float, names: tuple[str, ...] = ("jawOpen", "eyeBlink_L")) -> NamedWeights:
+        weights = [value for i in range(10) for value in (most * i / 9.0, 0.5 * most)]
+        write_curve(tmp_path / "a.glb", times, weights, names=names)
+        return read_gltf_weights(tmp_path / "a.glb")
+
+    percent = read(100.0)
+    assert percent.frames.max() == pytest.approx(1.0)
+    assert percent.notes == ("The weights reach 100 and were read as percentages.",)
+    for most in (1.0, 1.05, 1.9):
+        assert read(most).frames.max() == pytest.approx(most)
+        assert read(most).notes == ()
+    assert read(100.0, ("hat", "scarf")).frames.max() == pytest.approx(100.0)
+    for most in (4.0, 5000.0):
+        with pytest.raises(FacePoserError, match=r"of 'jawOpen' in .* which is neither of 0 to 1 nor of 0 to 100"):
+            read(most)
 
 
 def test_names_are_understood_however_they_are_spelled(low: FaceModel, tmp_path: Path) -> None:
@@ -104,8 +160,9 @@ def test_names_are_understood_however_they_are_spelled(low: FaceModel, tmp_path:
     ("times", "weights", "said"),
     [
         ([0.0, 0.1], [0.0, 0.0, 1.0], "3 weights for 2 key frames of 2 morph targets"),
-        ([0.1, 0.0], [0.0] * 4, "are not increasing"),
-        ([0.0, 0.1], [0.0, 0.0, 1.0, float("nan")], "not finite"),
+        ([0.1, 0.0], [0.0] * 4, "are not increasing: key 2 is at 0 s after 0.1 s"),
+        ([0.0, 0.1], [0.0, 0.0, 1.0, float("nan")], "a weight of its key 2 is not finite"),
+        ([0.0, float("nan")], [0.0] * 4, "the time of its key 2 is not finite"),
         ([0.0, 0.001, 1e8], [0.0] * 6, "frames, more than"),
     ],
 )
@@ -129,3 +186,11 @@ def test_files_without_shapes_of_the_face_get_one_sentence(low: FaceModel, tmp_p
         read_pose(tmp_path / "c.glb", low)
     with pytest.raises(FacePoserError, match="cannot be read"):
         read_pose(tmp_path / "none.glb", low)
+
+
+@pytest.mark.parametrize("hours", [10.0, 24.0])
+def test_two_keys_far_apart_do_not_become_frames_for_hours(hours: float, low: FaceModel, tmp_path: Path) -> None:
+    write_curve(tmp_path / "a.glb", [0.0, 0.5, 3600.0 * hours], [0.0, 0.0, 1.0, 0.0, 0.5, 0.0])
+    said = r"has 3 keys in \d+ seconds, which would become \d+ frames|more than 1000000"
+    with pytest.raises(FacePoserError, match=said):
+        read_performance(tmp_path / "a.glb", low)

@@ -11,7 +11,6 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.interchange.formats import write
 from faceposer.interchange.live_link import HEADER, timecode, write_live_link
-from faceposer.interchange.takes import read_take
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
@@ -19,6 +18,7 @@ from faceposer.model.performance import Performance
 from faceposer.model.shape_names import weight_map
 from faceposer.solve.weight_fit import fit_weights_of_frames
 from faceposer.training.capture import read_capture
+from faceposer.training.takes import read_take
 
 CAPTURES = (
     sorted(Path(os.environ.get("FACEPOSER_CAPTURES", "")).glob("*.csv")) if "FACEPOSER_CAPTURES" in os.environ else []

@@ -14,7 +14,6 @@ from faceposer.interchange.formats import write
 from faceposer.interchange.glb import write_glb
 from faceposer.interchange.meshes import write_posed_obj, write_posed_ply
 from faceposer.interchange.reading import read_performance, read_pose
-from faceposer.interchange.weights_json import read_weights
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel, build_face_model
@@ -24,6 +23,7 @@ from faceposer.model.shape_names import weight_map
 from faceposer.progress import Progress
 from faceposer.render.options import OutputOptions
 from faceposer.training.rigs import RigOptions, character_from_morphs
+from faceposer.training.weights_file import read_weights
 from tests.rigs import with_wholes
 from tests.training.faces import morph_mesh, rotation
 
@@ -90,7 +90,7 @@ def test_a_mesh_that_was_moved_turned_and_scaled_is_laid_back(low: FaceModel, tm
     moved = 0.01 * low.instance(pose).astype(np.float64) @ rotation(6).T + [4.0, -2.0, 1.0]
     write_obj(tmp_path / "a.obj", moved, low.character.polygons)
     read = read_pose(tmp_path / "a.obj", low)
-    assert read.note.endswith("The mesh was aligned with the face.")
+    assert read.note.endswith("it was aligned with the face by all its vertices.")
     assert distance(low, read.coefficients, pose) < 0.01
 
 
@@ -219,7 +219,7 @@ def test_foreign_shapes_are_left_out_and_told(low: FaceModel, tmp_path: Path) ->
     data = {"format": "faceposer.weights", "version": 1, "names": ["jawOpen", "hat"], "frames": [[1.0, 3.0]]}
     (tmp_path / "a.json").write_text(json.dumps(data))
     read = read_pose(tmp_path / "a.json", low)
-    assert read.note == "1 of its 2 shapes were ignored, because Low-poly head does not have them."
+    assert read.note == "1 of its 2 shapes was not read, because Low-poly head does not have them."
     assert distance(low, read.coefficients, low.coefficients_of({"jawOpen": 1.0})) < 1e-6
 
 

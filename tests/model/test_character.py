@@ -2,6 +2,7 @@ import io
 import json
 import re
 import zipfile
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,8 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.model.character import Character, Part
 from faceposer.model.character_file import available_characters, load_character, save_character
+from faceposer.model.errors import InconsistentError
+from faceposer.model.origin import Origin
 
 
 def small_character() -> Character:
@@ -198,3 +201,54 @@ def test_names_are_found_and_others_refused_with_a_choice() -> None:
 def test_an_unwritable_place_is_named(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="nowhere"):
         save_character(tmp_path / "nowhere" / "small.npz", small_character())
+
+
+def with_member(path: Path, name: str, values: np.ndarray) -> Path:
+    """Replace an array of the character file ``path``."""
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    np.savez(path, **{**arrays, name: values})
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("vertices", np.zeros_like, "all its vertices lie at one place"),
+        ("vertices", lambda v: np.full_like(v, 2.0**31), "all its vertices lie at one place"),
+        ("vertices", lambda v: v * np.float32(1e-9), "all its vertices lie at one place"),
+        ("vertices", lambda v: v * np.array([1, 0, 0], np.float32), "all its vertices lie on a line"),
+        ("vertices", lambda v: np.full_like(v, 1e30), r"vertices contains numbers beyond 1e\+12"),
+        ("vertices", lambda v: np.full_like(v, np.nan), "vertices contains numbers that are not finite"),
+        ("uv", lambda v: np.full_like(v, 1e30), r"uv contains numbers beyond 1e\+12"),
+        ("shape_limits", lambda v: np.full_like(v, 1e30), r"shape_limits contains numbers beyond 1e\+12"),
+        ("shape_limits", lambda v: np.full_like(v, -np.inf), "shape_limits contains numbers that are not finite"),
+    ],
+)
+def test_degenerate_and_far_numbers_are_said(
+    name: str, change: Callable[[np.ndarray], np.ndarray], said: str, saved: Path
+) -> None:
+    with np.load(saved) as archive:
+        values = archive[name]
+    with pytest.raises(FacePoserError, match=said):
+        load_character(with_member(saved, name, change(values)))
+
+
+@pytest.mark.parametrize(
+    ("linear", "said"),
+    [
+        (np.zeros((3, 3)), "origin.linear cannot be inverted"),
+        (np.diag([1.0, 1.0, 0.0]), "origin.linear cannot be inverted"),
+        (np.full((3, 3), 7.0), "origin.linear cannot be inverted"),
+        (np.full((3, 3), 1e30), r"origin.linear contains numbers that are not finite or beyond 1e\+12"),
+        (np.full((3, 3), np.nan), "origin.linear contains numbers that are not finite"),
+        (np.eye(3) * 1e-30, "origin.linear cannot be inverted"),
+    ],
+)
+def test_an_origin_that_cannot_be_inverted_is_said(linear: np.ndarray, said: str) -> None:
+    none = np.zeros((0, 3), np.int32)
+    quad = np.array([[0, 1, 2, 3]], np.int32)
+    with pytest.raises(InconsistentError, match=said):
+        Origin(linear, np.zeros((4, 3)), np.arange(4, dtype=np.int32), quad, np.zeros((0, 2)), none, ())
+    mirrored = np.diag([-0.01, 0.01, 0.01])
+    Origin(mirrored, np.zeros((4, 3)), np.arange(4, dtype=np.int32), quad, np.zeros((0, 2)), none, ())

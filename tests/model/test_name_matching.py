@@ -7,6 +7,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.model.character import ARKIT_SHAPES
+from faceposer.model.name_families import family_hint
 from faceposer.model.name_matching import match_arkit, match_with_ties
 
 SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
@@ -35,6 +36,15 @@ READINGS = {
     "capitals": [f"BS_{'_'.join(re.findall('[A-Z]?[a-z]+', shape)).upper()}_GRP" for shape in ARKIT_SHAPES],
     "another script": [f"表情{shape}" for shape in ARKIT_SHAPES],
     "side after the suffix": [re.sub("_([LR])$", r"_Mesh_\1", with_letters(s)) for s in ARKIT_SHAPES],
+    "suffix glued to a letter": [f"{with_letters(shape)}Shape" for shape in ARKIT_SHAPES],
+    "small suffix glued to a letter": [f"{with_letters(shape)}sh" for shape in ARKIT_SHAPES],
+    "suffix glued to a letter without separator": [f"{with_letters(s).replace('_', '')}Mesh" for s in ARKIT_SHAPES],
+    "small suffix": [f"{shape.lower()}shape" for shape in ARKIT_SHAPES],
+    "large suffix": [f"{shape.upper()}SHAPE" for shape in ARKIT_SHAPES],
+    "suffix with a letter of a side": [f"{shape}_rig" for shape in ARKIT_SHAPES],
+    "suffix of a deformer": [f"blendShape1|{with_letters(shape)}ShapeOrig" for shape in ARKIT_SHAPES],
+    "mesh with a level": [f"head_lod0_mesh__{with_letters(shape)}_x" for shape in ARKIT_SHAPES],
+    "three prefixes": [f"facs_{('jnt', 'bs', 'ctrl')[i % 3]}_{capital(s)}" for i, s in enumerate(ARKIT_SHAPES)],
     "two meshes": [f"{s}_{'Tongue' if s == 'tongueOut' else 'Head'}_Mesh" for s in ARKIT_SHAPES],
     "half with a prefix": [f"Head_{shape}" if i % 2 else shape for i, shape in enumerate(ARKIT_SHAPES)],
 }
@@ -98,3 +108,45 @@ def test_time_is_linear_in_the_names() -> None:
     began = time.monotonic()
     assert not match_arkit(hostile, "It").shapes
     assert time.monotonic() - began < 5.0
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "before"),
+    [("Lf", "Rt", False), ("_lft", "_rgt", False), ("lf_", "rt_", True), (" (L)", " (R)", False), (".L", ".R", False)],
+)
+def test_short_sides(left: str, right: str, before: bool) -> None:
+    def spelled(shape: str) -> str:
+        if shape in SIDEWAYS or not shape.endswith(("Left", "Right")):
+            return shape
+        side, stem = left if shape.endswith("Left") else right, re.sub("(Left|Right)$", "", shape)
+        return side + stem if before else stem + side
+
+    names = [spelled(shape) for shape in ARKIT_SHAPES]
+    assert match_arkit(names, "It").shapes == dict(zip(names, ARKIT_SHAPES, strict=True))
+
+
+def test_every_reading_is_in_the_note() -> None:
+    names = READINGS["three prefixes"]
+    note = match_arkit(names, "It").note
+    assert all(f"prefix 'facs_{kind}_'" in note for kind in ("jnt", "bs", "ctrl"))
+    counts = [int(count) for count in re.findall(r"finds (\d+)", note)]
+    assert sum(counts) == 52
+
+
+@pytest.mark.parametrize(
+    ("names", "title"),
+    [
+        (["Fcl_MTH_A", "Fcl_EYE_Close", "Fcl_BRW_Fun", "Fcl_ALL_Joy"], "VRoid Studio"),
+        (["viseme_aa", "viseme_PP", "viseme_O", "viseme_sil"], "visemes"),
+        (["A", "I", "U", "Blink_L", "Joy"], "presets of VRM"),
+        (["mouth_A", "mouth_B", "mouth_X"], "visemes"),
+        (["Brow_Raise_Inner_L", "Mouth_Smile_R", "V_Open"], "Reallusion"),
+        (["CTRL_expressions_mouthCornerPullL", "CTRL_expressions_browLateralR", "CTRL_C_jaw"], "MetaHuman"),
+        (["AU12_l", "AU1", "AU_26"], "action units"),
+        (["あ", "い", "まばたき"], "MikuMikuDance"),
+        (["smirk", "grin", "scowl"], ""),
+    ],
+)
+def test_conventions_of_other_programs_are_recognised(names: list[str], title: str) -> None:
+    hint = family_hint(names)
+    assert (title in hint) if title else hint == ""

@@ -13,6 +13,7 @@ from PIL import Image
 from scipy.ndimage import binary_erosion
 
 from faceposer.errors import FacePoserError
+from faceposer.files import memory
 from faceposer.interchange.formats import Output, check_writable, offered, write, write_sequence_steps, write_steps
 from faceposer.model.character_file import load_character
 from faceposer.model.face_model import FaceModel
@@ -286,3 +287,13 @@ def test_what_cannot_be_written_gets_a_sentence(low: FaceModel, yawn: Performanc
         write(tmp_path / "a.gif", low, low.neutral(), OutputOptions((2000, 2000), turn=40.0, rate=25.0))
     write(tmp_path / "a.ply", low, low.neutral())
     assert [path.name for path in tmp_path.iterdir()] == ["a.ply"]
+
+
+def test_an_image_that_does_not_fit_into_memory_is_said(
+    low: FaceModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(memory, "free_memory", lambda: 1 << 29)
+    options = OutputOptions(size=(4096, 4096))
+    with pytest.raises(FacePoserError, match=r"An image of 4096 x 4096 pixels takes about .* choose a smaller size"):
+        write(tmp_path / "a.png", low, low.neutral(), options)
+    assert not list(tmp_path.iterdir())

@@ -348,7 +348,10 @@ def test_zeros_are_the_neutral_face_of_every_version(tmp_path: Path) -> None:
     path.write_text(json.dumps(Document("low").posed(np.zeros(7)).to_json()))
     session = open_session(str(path))
     np.testing.assert_array_equal(session.coefficients, session.model.neutral())
-    assert session.remark == ""
+    count = session.model.n_coefficients
+    assert session.remark == (
+        f"Its pose has 7 numbers instead of {count}; since all are 0, it was read as the neutral face."
+    )
 
 
 def test_python_warns_and_commands_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

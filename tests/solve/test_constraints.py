@@ -293,3 +293,8 @@ def test_a_curve_keeps_its_place_when_points_come_and_go(model: FaceModel) -> No
     assert len(short.points) == sum(value >= 1.0 for value in curve.parameters)
     with pytest.raises(ValueError, match="at least two"):
         short.without_point(0).without_point(0)
+
+
+def test_points_without_a_place_in_the_image_are_infinitely_far(model: FaceModel) -> None:
+    stroke = random_stroke(model, np.random.default_rng(0))
+    assert stroke.residual_of(np.full((9, 2), np.nan)) == np.inf

@@ -81,7 +81,7 @@ def test_percentages_are_told_from_single_wrong_values(tmp_path: Path) -> None:
     capture = read_capture(write(tmp_path / "a.csv", [row([value, 1.5]) for value in jaw], names))
     np.testing.assert_allclose(capture.weights[:, 0], jaw / 100.0)
     np.testing.assert_allclose(capture.weights[:, 1], 0.015)
-    assert capture.notes == ("Its weights reach 100 and were read as percentages.",)
+    assert capture.notes == ("The weights reach 100 and were read as percentages.",)
     wrong = [row([0.1, 0.5]) for _ in jaw]
     wrong[7] = row([57.5, 0.5])
     with pytest.raises(FacePoserError, match=r"Line 9 of .* '57.5' in column JawOpen"):

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Document = dict[str, Any]
 
 #: Methods by which faces follow from strokes, in the order of tables.
-METHODS = ("paper", "map", "map-local", "true-points", "stroke-tool")
+METHODS = ("paper", "map", "map-corrected", "map-local", "true-points", "stroke-tool")
 # Ends of the ranges of probability of the table of reliability.
 _BINS = (0.0, 0.5, 0.8, 0.9, 0.97, 0.99, 1.0)
 # Scribbles of each kind per pose.
@@ -167,12 +167,12 @@ def _pooled(results: Sequence[Document]) -> list[tuple[int, str, list[tuple[str,
 
 def summary(document: Document) -> str:
     """Return the main results of a study as text."""
-    lines = ["training recognition strokes  method       view           feature  point  error  ci95            ms"]
+    lines = ["training recognition strokes  method         view           feature  point  error  ci95            ms"]
     for row in document["rows"]:
         low, high = row["ci95"]
         shares = "  ".join(f"{row[key]:5.3f}" for key in ("feature_accuracy", "point_accuracy", "error_3d_relative"))
         lines.append(
-            f"{row['training']:8d} {row['recognition']:11s} {row['strokes']:7d}  {row['method']:11s}  "
+            f"{row['training']:8d} {row['recognition']:11s} {row['strokes']:7d}  {row['method']:13s}  "
             f"{row['view']:13s}  {shares}  {low:.3f} to {high:.3f}  {row['ms']:5.1f}"
         )
     for table in document["confusion"]:

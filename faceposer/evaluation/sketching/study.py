@@ -111,6 +111,7 @@ class SketchingStudy:
         pose = self.model.neutral()
         others: list[DrawnStroke] = []
         sketches: list[SketchConstraint] = []
+        corrected: list[SketchConstraint] = []
         for number, true in enumerate(trial.strokes):
             began = time.perf_counter()
             found = recogniser.recognise(DrawnStroke(true.stroke.pixels, true.stroke.camera), pose, others)
@@ -119,6 +120,10 @@ class SketchingStudy:
             probability = found.candidates[0].probability if found.candidates else 0.0
             tally.features.append((true.feature, best.feature if best else None, probability, number))
             tally.points += point_errors(true, best)
+            if best is not None and best.feature == true.feature:
+                corrected += self._sketch(true, best)
+            elif named := recogniser.recognise(true.stroke, pose, others, true.feature).best:
+                corrected += self._sketch(true, named)
             if best is None or not best.points:
                 continue
             others.append(DrawnStroke(true.stroke.pixels, true.stroke.camera, best.feature))
@@ -127,6 +132,8 @@ class SketchingStudy:
         for method, spread in (("map", RECORDED_SPREAD), ("map-local", SPREAD)):
             pose, ms = self._solved(sketches, spread)
             self._add(tally, method, pose, trial, ms)
+        pose, ms = self._solved(corrected)
+        self._add(tally, "map-corrected", pose, trial, ms)
         began = time.perf_counter()
         pose = self.sketcher.paper_pose(sketches, self.model.neutral())
         self._add(tally, "paper", pose, trial, 1e3 * (time.perf_counter() - began))
@@ -143,6 +150,8 @@ class SketchingStudy:
 
     def _sketch(self, true: TrueStroke, candidate: Candidate) -> list[SketchConstraint]:
         """Return the constraint of a stroke, or none if the stroke does not meet the feature."""
+        if not candidate.points:
+            return []
         try:
             return [sketch_of(true.stroke, candidate).resolved(self.model, self.model.neutral())]
         except ValueError:
@@ -250,7 +259,8 @@ def row_of(
 
     Args:
         tally: The results of the condition.
-        method: "paper", "map", "map-local" (the spread of new sessions), "true-points" or "stroke-tool".
+        method: "paper", "map", "map-corrected" (wrong features are corrected, as by a click),
+            "map-local" (the spread of new sessions), "true-points" or "stroke-tool".
         key: Character, view, strokes, recognition and training.
         given: The results with true correspondences.
         progress: Called with a line about the row.

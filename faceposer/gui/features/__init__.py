@@ -7,6 +7,7 @@ from faceposer.gui.feature import Feature, Features
 def build_features(context: EditorContext) -> Features:
     """Return the features of the editor, in the order of their tabs; dropped files are offered in the same order."""
     from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
+    from faceposer.gui.features.drawings.feature import DrawingsFeature
     from faceposer.gui.features.export.feature import ExportFeature
     from faceposer.gui.features.guide.feature import GuideFeature
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
@@ -31,6 +32,7 @@ def build_features(context: EditorContext) -> Features:
         ExportFeature,
         RangeMarksFeature,
         SketchFeature,
+        DrawingsFeature,
         PreferencesFeature,
         GuideFeature,
         RecoveryFeature,

@@ -2,6 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
+from faceposer.errors import counted
 from faceposer.gui.actions import Action, Actions, display_key
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.action_search import Match, ranked
@@ -166,7 +167,7 @@ class Palette:
 
     def _draw_footer(self, actions: Actions) -> None:
         """Draw the help text of the chosen action in one line."""
-        text = f"{len(list(actions))} commands"
+        text = f"{counted(len(list(actions)), 'command')}"
         if self._matches:
             action = self._matches[min(self.chosen, len(self._matches) - 1)].action
             text = action.help or action.label

@@ -2,6 +2,7 @@
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
+from faceposer.errors import counted
 from faceposer.geometry.strokes import STROKE_SHAPES
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.stroke import ENERGY_TIPS
@@ -118,7 +119,7 @@ def _curve(context: EditorContext) -> None:
         caption("Click points of a curve on the face, then accept it and drag its control points.")
         return
     imgui.begin_disabled(count < 2)
-    if imgui.button(f"Accept {count} points", (-1.0, 0.0)):
+    if imgui.button(f"Accept {counted(count, 'point')}", (-1.0, 0.0)):
         context.toolbox.accept()
     imgui.end_disabled()
     context.widget_rects.record("curve:accept")

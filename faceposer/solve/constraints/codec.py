@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files.json_documents import JsonError, JsonObject, given
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
@@ -113,7 +113,7 @@ def check_rest(rest: NDArray[np.float64] | None, places: SurfacePoints | None, w
     """Raise ``FacePoserError`` unless ``rest``, shape (n, 3), is None or has a position for each of ``places``."""
     count = 0 if places is None else len(places)
     if rest is not None and len(rest) != count:
-        raise FacePoserError(f"{where}.rest must be a list of {count} positions, one per anchor.")
+        raise FacePoserError(f"{where}.rest must be a list of {counted(count, 'position')}, one per anchor.")
 
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import ArrayLike
 
+from faceposer.errors import counted
 from faceposer.files.json_documents import JsonError, convert, given
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
@@ -49,7 +50,7 @@ class _CurveJson(ConstraintJson, kw_only=True):
         if self.anchors is UNSET or self.parameters is UNSET:
             return
         if len(self.parameters) != len(self.anchors):
-            raise JsonError(f"must be a list of {len(self.anchors)} numbers, one per anchor", "parameters")
+            raise JsonError(f"must be a list of {counted(len(self.anchors), 'number')}, one per anchor", "parameters")
         if not 0.0 <= min(self.parameters) <= max(self.parameters) <= len(self.source) - 1:
             raise JsonError(f"must be from 0 to {len(self.source) - 1}, the number of pieces", "parameters")
 

@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 from numpy.typing import ArrayLike
 
+from faceposer.errors import counted
 from faceposer.files.json_documents import JsonError, convert
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
@@ -30,7 +31,7 @@ class _FixedJson(ConstraintJson, kw_only=True):
 
     def __post_init__(self) -> None:
         if self.positions is not UNSET and len(self.positions) != len(self.anchors):
-            raise JsonError(f"must be a list of {len(self.anchors)} positions, one per anchor", "positions")
+            raise JsonError(f"must be a list of {counted(len(self.anchors), 'position')}, one per anchor", "positions")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,9 @@ class FixedConstraint(ConstraintBase):
         if self.positions is not None:
             positions = np.array(self.positions, dtype=np.float64).reshape(-1, 3)
             if len(positions) != len(self.points):
-                raise ValueError(f"{len(positions)} positions do not match {len(self.points)} points")
+                raise ValueError(
+                    f"{counted(len(positions), 'position')} do not match {counted(len(self.points), 'point')}"
+                )
             positions.setflags(write=False)
             object.__setattr__(self, "positions", positions)
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from faceposer.files.json_documents import convert
+from faceposer.files.json_documents import JsonError, convert
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.picking import SurfacePoints
@@ -19,7 +19,9 @@ from faceposer.solve.constraints.fixed import PX_PER_CM
 from faceposer.solve.term import Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
 
 #: Rotation of an eye in degrees at full strength of its shape: outwards or inwards, up or down.
-MOST_YAW, MOST_PITCH = 31.0, 23.0
+MOST_YAW, MOST_PITCH = _MOST = (31.0, 23.0)
+# Tolerance of a direction in a file, in degrees.
+_ROUNDING = 1e-6
 #: Distance in centimetres from the eyes to the handle.
 REACH_CM = 22.0
 # Standard deviation of the rig weights of gaze.
@@ -29,6 +31,13 @@ _NO_POINTS = SurfacePoints(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 class _GazeJson(ConstraintJson, kw_only=True):
     direction: codec.Pixel
+
+    def __post_init__(self) -> None:
+        if any(abs(angle) > most + _ROUNDING for angle, most in zip(self.direction, _MOST, strict=True)):
+            raise JsonError(
+                f"is beyond the range of the eyes, {MOST_YAW:g} degrees to a side and {MOST_PITCH:g} up or down",
+                "direction",
+            )
 
 
 @dataclass(frozen=True)

@@ -164,6 +164,8 @@ class StrokeConstraint(ConstraintBase):
         # Imported late: the window starts without it.
         from scipy.spatial import cKDTree
 
+        if not np.isfinite(pixels).all():
+            return float("inf")
         target = self.target_pixels[_spread(len(self.target_pixels))]
         to_target, _ = self._target_tree.query(pixels)
         to_source, _ = cKDTree(pixels).query(target)

@@ -496,6 +496,23 @@ def test_it_fits_the_window(robot: Robot, glb: Path, size: tuple[int, int]) -> N
     assert fits()
 
 
+def test_readings_of_a_rig_are_under_advanced(robot: Robot, glb: Path, tmp_path: Path) -> None:
+    avatar = tmp_path / "avatar.vrm"
+    avatar.write_bytes(glb.read_bytes())
+    open_by_menu(robot)
+    enter(robot, "source", str(avatar))
+    robot.click_widget("import:advanced")
+    robot.frames(4)
+    form = importer(robot.app).form
+    request = form.request(tmp_path / "a.npz")
+    assert (request.sides, request.align_shapes, request.weights_range) == ("auto", True, None)
+    for widget in ("import:sides:1", "import:align:1", "import:range:2"):
+        robot.click_widget(widget)
+        robot.frames(2)
+    request = form.request(tmp_path / "a.npz")
+    assert (request.sides, request.align_shapes, request.weights_range) == ("as-named", False, 100.0)
+
+
 def test_the_form_keeps_what_the_user_has_entered(tmp_path: Path) -> None:
     for name in ("one", "two"):
         (tmp_path / f"{name}.glb").touch()

@@ -10,10 +10,12 @@ import pytest
 
 from faceposer.animation.keyframes import Keyframes
 from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
+from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.timeline.editor import TimelineEditor
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.testing.scripted_user import Position, Robot
+from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.weights_json import write_weights
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
@@ -223,6 +225,12 @@ def test_length_and_rate_are_set_in_the_strip(robot: Robot) -> None:
     app = robot.app
     animate(robot)
     robot.click_widget("rate")
+    robot.click_widget("rate:29.97")
+    assert timeline(robot).keyframes.rate == 30000 / 1001
+    robot.key("Ctrl+Z")
+    robot.click_widget("rate")
+    for name in ("23.976", "25", "48", "59.94", "120", "other"):
+        assert f"rate:{name}" in app.widget_rects
     robot.click_widget("rate:24")
     assert timeline(robot).keyframes.rate == 24.0
     left, top, _, bottom = app.widget_rects["length"]
@@ -427,12 +435,20 @@ def test_what_a_file_lacks_is_told_in_the_view(robot: Robot, tmp_path: Path) -> 
     path = tmp_path / "take.csv"
     path.write_text("\n".join(["time_ms,jawOpen", *rows]))
     app.features[AnimationFilesFeature].open_animation(path)
+    robot.frames(6)
+    question = app.dialogs.waiting[0]
+    assert isinstance(question, Question)
+    assert "The animation has 50 frames at 25 fps, 2.00 s." in question.text
+    assert "10 of its 50 frames are missing" in question.text
+    robot.click_widget("choice:1")
     robot.frames(2)
-    if app.dialogs.open:
-        robot.click_widget("choice:1")
-        robot.frames(2)
     assert (timeline(robot).keyframes.length, timeline(robot).keyframes.rate) == (50, 25.0)
     assert app.notice.startswith("Opened take.csv: 50 frames at 25 fps. 10 of its 50 frames are missing")
+    app.actions["messages"].run()
+    question = app.dialogs.waiting[0]
+    assert isinstance(question, Question)
+    assert question.details.startswith("Opened take.csv: 50 frames at 25 fps.")
+    robot.key("Esc")
     vertex = int(app.session.model.character.feature_points[CORNER])
     x, y, z = app.session.model.character.vertices[vertex].tolist()
     points = [{"name": CORNER, "positions": [[x, y, z] for _ in range(10)]}]
@@ -477,3 +493,17 @@ def test_a_long_solve_shows_how_far_it_is_and_can_be_cancelled(robot: Robot, mon
     assert not app.is_modal
     assert not app.dialogs.open
     assert frames(robot) == (0, 14, 29)
+
+
+def test_files_of_other_kinds_name_their_command(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    (tmp_path / "take.csv").write_text("time,jawOpen\n0,0.5\n0.04,0.6\n")
+    (tmp_path / "a.glb").write_text("")
+    for name, said in (("take.csv", "Animate > Open animation"), ("a.glb", "File > Import character")):
+        app.files.open(str(tmp_path / name))
+        question = app.dialogs.waiting[0]
+        assert isinstance(question, Question)
+        assert said in question.text
+        app.dialogs.waiting.clear()
+    app.features[ExportFeature].open_pose(tmp_path / "take.csv")
+    assert app.notice.endswith("Animate > Open animation reads all frames.")

@@ -257,3 +257,15 @@ def popup_name() -> str:
         if window.name.startswith("##Popup_") and window.active:
             return window.name
     raise AssertionError("no popup is open")
+
+
+def test_esc_right_after_it_is_opened_closes_it(robot: Robot) -> None:
+    window = robot.app.window
+    # Without a frame between the keys, as at a slow frame.
+    window.play_key("P", "press", frozenset({"ctrl"}))
+    window.play_key("Esc", "press", frozenset())
+    robot.frames(3)
+    assert not robot.app.palette.open
+    assert not robot.app.dialogs.open
+    robot.key("Ctrl+P")
+    assert robot.app.palette.open

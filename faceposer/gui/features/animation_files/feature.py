@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from faceposer.animation.keyframes import TOLERANCE, Keyframes
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.feature import Feature
@@ -16,7 +16,7 @@ from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 
 _MENU = "Animate"
-_TRAJECTORIES = (".csv", ".json", ".c3d")
+_TRAJECTORIES = (".csv", ".json", ".c3d", ".trc")
 _WEIGHTS = (".csv", ".txt", ".json", ".glb", ".gltf")
 # Tolerances of any rig weight, for key reduction.
 _TOLERANCES = ((0.01, "Hardly any difference"), (0.02, "Small differences"), (0.05, "Visible differences"))
@@ -63,8 +63,8 @@ class AnimationFilesFeature(Feature):
                 _MENU,
                 partial(self._ask, "Open trajectories", "Trajectories", _TRAJECTORIES, self.open_trajectories),
                 enabled=idle,
-                help="Animate the face to follow recorded points (CSV, JSON, C3D). Points of an image without a camera "
-                "are those of the current view",
+                help="Animate the face to follow recorded points (CSV, JSON, C3D, TRC). Points of an image without a "
+                "camera are those of the current view",
             ),
         ]
 
@@ -102,11 +102,11 @@ class AnimationFilesFeature(Feature):
             return
         context.settings.folder = str(paths.resolved(path.parent))
         few = dense.reduced(context.session.model, TOLERANCE)
+        performance = read.performance
+        length = f"{counted(len(performance), 'frame', 'frames')} at {performance.rate:.5g} fps"
 
         def load(keyframes: Keyframes) -> None:
             self.load(keyframes, "Open an animation")
-            performance = read.performance
-            length = f"{len(performance)} frames at {performance.rate:g} fps"
             context.notify(f"Opened {path.name}: {length}. {read.note}".strip())
 
         if len(few.keys) == len(dense.keys):
@@ -115,8 +115,9 @@ class AnimationFilesFeature(Feature):
         context.dialogs.ask(
             Question(
                 f"How many keys for {path.name}?",
-                f"The animation has {len(dense.keys)} frames. {len(few.keys)} keys are enough to reproduce every shape "
-                f"within {TOLERANCE:g}, and are easier to edit. A key at every frame keeps the animation unchanged.",
+                f"The animation has {length}, {performance.seconds:.2f} s. {len(few.keys)} keys are enough to "
+                f"reproduce every shape within {TOLERANCE:g}, and are easier to edit. A key at every frame keeps the "
+                f"animation unchanged.{_remarks(read.note)}",
                 (
                     Choice(f"{len(few.keys)} keys", lambda: load(few)),
                     Choice("Every frame", lambda: load(dense)),
@@ -145,3 +146,8 @@ class AnimationFilesFeature(Feature):
             return
         context.settings.folder = str(paths.resolved(path.parent))
         context.feature(TrajectoriesFeature).solve(trajectories, f"Follow {path.name}", None)
+
+
+def _remarks(note: str) -> str:
+    """Return what was assumed and lost in reading, as a paragraph of its own."""
+    return f"\n\n{note}" if note else ""

@@ -277,7 +277,8 @@ class ExportFeature(Feature):
         with session.edit("Open a pose"):
             session.replace(replace(session.document, constraints=()))
             session.set_start(read.coefficients)
-        context.notify(f"Opened {path.name}. {read.note}".strip())
+        all_frames = " Animate > Open animation reads all frames." if read.frames > 1 else ""
+        context.notify(f"Opened {path.name}. {read.note}".strip() + all_frames)
 
     def accept_files(self, dropped: tuple[str, ...]) -> bool:
         """Open a dropped mesh as a pose, unless a dialog is open."""

@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from faceposer.files import paths
 from faceposer.geometry.mesh_io import MESH_SUFFIXES
+from faceposer.gui.features.import_character.advanced import draw_advanced
 from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import draw_summary
 from faceposer.gui.settings import last_folder
@@ -47,13 +48,13 @@ _KIND_LABELS = ("Rig", "Examples", "Markers")
 _KIND_TIPS = (
     "A glTF file (.glb, .gltf, .vrm) or a folder with one mesh per ARKit shape",
     "A folder or an .npz file of meshes with the same topology, one of them neutral",
-    "The motion of markers on a performer's face (.c3d, .csv), and a map of their places on a scan",
+    "The motion of markers on a performer's face (.c3d, .csv, .trc), and a map of their places on a scan",
 )
 _KIND_DESCRIPTIONS = (
     "A face with ARKit shapes: .glb, .gltf, .vrm, or a folder with one mesh per shape. Mesh and names are kept.",
     "Meshes of one face in different expressions: a folder or an .npz file. The modes of the character are learned "
     "from their differences.",
-    "Motion of markers on a face: .c3d or .csv. The markers deform a scan, from which the character is learned.",
+    "Motion of markers on a face: .c3d, .csv or .trc. The markers deform a scan, from which the character is learned.",
 )
 _REGIONS = ("face", "whole", "parts")
 _REGION_LABELS = ("Parts of the face", "Whole face", "By motion")
@@ -62,17 +63,12 @@ _REGION_TIPS = (
     "The whole face is one region, as in Lau et al. (2009).",
     "Vertices that move together in the examples form a region.",
 )
-_NUMBERS = (
-    ("dimensions", "Dimensions", 500, "Number of modes; 0 chooses it from the energy of the examples"),
-    ("components", "Components", 500, "Number of factor analyzers of the prior; 0 chooses it from held-out data"),
-    ("factors", "Factors", 500, "Number of factors of each analyzer; 0 chooses it from held-out data"),
-)
 # Names and suffixes of the files that a field accepts.
 _MESHES = ("Meshes", MESH_SUFFIXES)
 _SOURCES = {
     "rig": ("Rigs", (".glb", ".gltf", ".vrm")),
     "examples": ("Arrays of meshes", (".npz",)),
-    "markers": ("Motion of markers", (".c3d", ".csv")),
+    "markers": ("Motion of markers", (".c3d", ".csv", ".trc")),
 }
 
 
@@ -147,7 +143,7 @@ class ImportDialog:
         opened = imgui.tree_node_ex("Advanced", imgui.TreeNodeFlags_.span_avail_width.value)
         rects.record("import:advanced")
         if opened:
-            self._draw_advanced(rects, form)
+            draw_advanced(rects, form, _LABEL)
             imgui.tree_pop()
 
     def _draw_fields_of_kind(self, importing: "ImportCharacterFeature") -> None:
@@ -212,12 +208,14 @@ class ImportDialog:
         if form.captures:
             row_label("", width=_LABEL)
         if imgui.button("Add..."):
+            from faceposer.training.recordings import WEIGHTS
+
             importing.context.ask_for_file(
                 FileRequest(
                     "open",
                     "Add performance",
                     "Performances",
-                    (".csv", ".txt"),
+                    WEIGHTS,
                     _start_folder(importing, form.source),
                     add,
                 )
@@ -239,26 +237,6 @@ class ImportDialog:
                 "##parts", form.n_parts, 2, 12, "%d regions", imgui.SliderFlags_.always_clamp.value
             )
             rects.record("import:parts")
-
-    def _draw_advanced(self, rects: WidgetRects, form: ImportForm) -> None:
-        indent = imgui.get_style().indent_spacing / em()
-        for key, label, most, tip in _NUMBERS:
-            if key == "dimensions" and form.kind == "rig":
-                continue
-            value = getattr(form, key)
-            row_label(label, tip, _LABEL - indent)
-            imgui.set_next_item_width(em(8))
-            _, value = imgui.input_int(f"##{key}", value)
-            rects.record(f"import:{key}")
-            tooltip(tip)
-            setattr(form, key, min(max(value, 0), most))
-            if not value:
-                imgui.same_line()
-                imgui.text_disabled("Chosen from the data")
-        row_label("Credits", "Origin and licence of the character", _LABEL - indent)
-        imgui.set_next_item_width(-1.0)
-        _, form.credits = imgui.input_text_with_hint("##credits", "Origin and licence", form.credits)
-        rects.record("import:credits")
 
     # Progress
 

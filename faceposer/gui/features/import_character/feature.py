@@ -19,6 +19,9 @@ from faceposer.session.jobs import ThreadJob
 
 Page = Literal["form", "running", "summary"]
 
+# Performances that are dropped on the form; dropped glTF files are rigs.
+_TAKES = (".csv", ".txt", ".json")
+
 
 class ImportCharacterFeature(Feature):
     """State of the dialog that imports a character.
@@ -124,7 +127,14 @@ class ImportCharacterFeature(Feature):
 
         on_form = self.open and self.page == "form"
         suffix = Path(path).suffix.lower()
+        if self._takes_performances and suffix in _TAKES:
+            return True
         return paths.is_dir(path) or suffix in (*GLTF_SUFFIXES, *MARKER_SUFFIXES) or (on_form and suffix == ".npz")
+
+    @property
+    def _takes_performances(self) -> bool:
+        """True if the form is shown for a rig, whose prior is learned from performances."""
+        return self.open and self.page == "form" and bool(self.form.source) and self.form.kind == "rig"
 
     def accept_files(self, dropped: tuple[str, ...]) -> bool:
         """Use dropped files as the source, or as performances if the source is a rig already."""
@@ -132,9 +142,9 @@ class ImportCharacterFeature(Feature):
             if self.open:
                 self.close_dialog()
             return False
-        csv = [path for path in dropped if path.lower().endswith(".csv")]
-        if self.open and self.page == "form" and self.form.source and self.form.kind == "rig" and csv:
-            self.form.captures += [path for path in csv if path not in self.form.captures]
+        takes = [path for path in dropped if Path(path).suffix.lower() in _TAKES]
+        if self._takes_performances and takes:
+            self.form.captures += [path for path in takes if path not in self.form.captures]
         else:
             self.show(dropped[0])
         self.context.redraw()

@@ -11,7 +11,7 @@ from faceposer.files.names import save_path
 from faceposer.session.character_library import CharacterLibrary
 
 if TYPE_CHECKING:
-    from faceposer.training.kinds import Kind
+    from faceposer.training.kinds import Kind, Sides
     from faceposer.training.request import TrainingRequest
 
 Regions = Literal["face", "whole", "parts"]
@@ -33,6 +33,9 @@ class ImportForm:
         dimensions: Number of modes, or 0 to choose it from the data.
         components: Number of factor analyzers of the prior, or 0 to choose it from the data.
         factors: Number of factors of each analyzer, or 0 to choose it from the data.
+        sides: Reading of left and right in the names of a rig's shapes.
+        align_shapes: False to read the shapes of a rig as they are stored.
+        weights_range: Full weight of an avatar's expressions, 1 or 100; 0 to infer it.
         title: Title of the character.
         credits: Origin and licence of the character.
         output: Character file to write.
@@ -50,6 +53,9 @@ class ImportForm:
     dimensions: int = 0
     components: int = 0
     factors: int = 0
+    sides: "Sides" = "auto"
+    align_shapes: bool = True
+    weights_range: int = 0
     title: str = ""
     credits: str = ""
     output: str = ""
@@ -136,6 +142,9 @@ class ImportForm:
             n_components=self.components or None,
             n_factors=self.factors or None,
             credits=self.credits.strip(),
+            align_shapes=self.align_shapes,
+            weights_range=float(self.weights_range) or None,
+            sides=self.sides,
         )
 
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from imgui_bundle import imgui, implot
 
+from faceposer.errors import counted
 from faceposer.gui.recent_files import shown_path
 from faceposer.gui.widgets.text import displayed
 from faceposer.gui.widgets.theme import ACCENT, FAINT, TARGET, WARNING, Fonts, Icon, em
@@ -69,10 +70,16 @@ def sentence_of(about: dict[str, Any]) -> str:
     """Return a sentence about the quality of the character."""
     summary = about["summary"]
     source = "the rig's shapes" if summary["kind"] == "rig" else "the examples"
+    ignored = len(summary.get("not_arkit", ()))
+    if ignored:
+        source = f"the {counted(summary['shapes'], 'shape', 'shapes')} in use"
     text = f"The character reproduces {_percent(summary['kept_energy'])} of the motion of {source}"
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):
         text += f", and held-out expressions with an error of {10.0 * curves['generalization_cm'][-1]:.2f} mm"
+    if ignored:
+        verb = "is" if ignored == 1 else "are"
+        text += f"; {counted(ignored, 'other shape', 'other shapes')} of the rig {verb} ignored"
     return f"{text}."
 
 
@@ -99,9 +106,8 @@ def facts_of(about: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("Examples", f"{summary['examples']}"))
         if "markers" in summary:
             marked = summary["markers"]
-            text = (
-                f"{marked['frames']} frames, {marked['frames_left_out']} ignored, {marked['gaps_filled']} gaps filled"
-            )
+            frames, gaps = counted(marked["frames"], "frame"), counted(marked["gaps_filled"], "gap")
+            text = f"{frames}, {marked['frames_left_out']} left out, {gaps} filled"
             rows.append(("Markers", text))
         rows.append(("Neutral", shown_path(summary["neutral"])))
         worst_region = summary["worst"]
@@ -125,10 +131,10 @@ def _prior(prior: dict[str, Any]) -> str:
     if "components" not in prior:
         return f"{prior['from']}"
     count, factors = prior["components"], prior["factors"]
-    text = f"{count} factor analyzer{'s' if count != 1 else ''} of {factors} factor{'s' if factors != 1 else ''}"
+    text = f"{counted(count, 'factor analyzer', 'factor analyzers')} of {counted(factors, 'factor', 'factors')}"
     text += ", set by the user" if prior.get("fixed_by_user") else ", chosen from held-out data"
     if prior.get("takes"):
-        text += "; from " + _listed([f"{take['file']} ({take['frames']} frames)" for take in prior["takes"]])
+        text += "; from " + _listed([f"{take['file']} ({counted(take['frames'], 'frame')})" for take in prior["takes"]])
     return text
 
 

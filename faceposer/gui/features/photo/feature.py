@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.images import FOREIGN_SUFFIXES
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
@@ -22,7 +23,7 @@ from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.photo.aligning import aligned, first_camera
 from faceposer.photo.photo import MAX_PHOTOS, Photo, Place
-from faceposer.photo.reading import FOREIGN_SUFFIXES, PHOTO_SUFFIXES, inspect_photo, read_photo
+from faceposer.photo.reading import PHOTO_SUFFIXES, inspect_photo, read_photo
 from faceposer.render.offscreen import photo_texture
 from faceposer.render.renderer import PhotoLayer
 from faceposer.session.photos import pose_from_photo, with_photo

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
+from faceposer.errors import counted
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
@@ -66,7 +67,7 @@ def _draw_row(photos: "PhotoFeature", index: int) -> bool:
     draw.add_text((corner.x + em(0.3), baseline), u32(INK, 0.75), Icon.PHOTO)
     draw.add_text((corner.x + em(1.8), baseline), u32(INK), shortened(photo.name, width - row - em(2.0)))
     context.widget_rects.record(f"photo:{index}")
-    tooltip(f"{photo.path}\n{photo.size[0]} x {photo.size[1]} pixels, {len(photo.pins)} pins")
+    tooltip(f"{photo.path}\n{photo.size[0]} x {photo.size[1]} pixels, {counted(len(photo.pins), 'pin')}")
     if pressed and not context.busy:
         photos.choose(index)
     imgui.set_cursor_pos(ImVec2(begin.x + width - row, begin.y))
@@ -126,7 +127,7 @@ def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
     else:
         height = _projected_height(context, photo)
         mean = float(np.mean(list(residuals.values())))
-        caption(f"{count} pins, mean error {mean:.1f} px. The head is {height:.0f} px high.")
+        caption(f"{counted(count, 'pin')}, mean error {mean:.1f} px. The head is {height:.0f} px high.")
     fixed = photo.focal is not None
     focal = photo.focal or (photo.camera.focal if photo.camera is not None else 1.0)
     pressed, fixed = imgui.checkbox("Focal length", fixed)

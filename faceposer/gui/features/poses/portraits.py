@@ -7,8 +7,8 @@ from pathlib import Path
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
+from faceposer.files.images import open_image
 from faceposer.files.reading import open_file
 from faceposer.gui.context import EditorContext
 from faceposer.poses.portrait import portrait_view
@@ -113,7 +113,7 @@ def _texture(ctx: moderngl.Context, image: NDArray[np.uint8]) -> moderngl.Textur
 
 def _read(path: Path) -> NDArray[np.uint8] | None:
     # The decoders of Pillow raise many kinds of errors for damaged files.
-    with contextlib.suppress(Exception), open_file(path, _MAX_BYTES) as file, Image.open(file) as image:
+    with contextlib.suppress(Exception), open_file(path, _MAX_BYTES) as file, open_image(file) as image:
         if max(image.size) <= _LARGEST:
             return np.asarray(image.convert("RGB"))
     return None

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from faceposer.session.animating import Shown
     from faceposer.sketch.inbetweens import Inbetweens
 
-_RATES = (24.0, 25.0, 30.0, 50.0, 60.0)
+_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)
+_SLOWEST, _FASTEST = 0.1, 1000.0
+# Relative difference of rates that are the same, of which files have two to six decimals.
+_SAME_RATE = 2e-4
 _PAD = 0.45
 # Widths of the strip, in units of the font size, below which the least important widgets are hidden.
 _NO_INBETWEENS, _NO_RATE, _NO_LENGTH, _NO_ENDS = 46.0, 37.0, 30.0, 24.0
@@ -165,16 +168,24 @@ def _draw_length(timeline: TimelineEditor) -> None:
 def _draw_rate(timeline: TimelineEditor) -> None:
     keyframes, rects = timeline.keyframes, timeline.context.widget_rects
     imgui.set_next_item_width(em(5.6))
-    opened = imgui.begin_combo("##rate", f"{keyframes.rate:g} fps")
+    opened = imgui.begin_combo("##rate", f"{keyframes.rate:.5g} fps", imgui.ComboFlags_.height_largest.value)
     rects.record("rate")
     if not opened:
         tooltip("Frames per second. Keys keep their frame numbers.")
     else:
-        for rate in sorted({*_RATES, keyframes.rate}):
-            pressed, _ = imgui.selectable(f"{rate:g} fps", rate == keyframes.rate)
-            rects.record(f"rate:{rate:g}")
+        for rate in _RATES:
+            pressed, _ = imgui.selectable(f"{rate:.5g} fps", abs(rate - keyframes.rate) < _SAME_RATE * rate)
+            rects.record(f"rate:{rate:.5g}")
             if pressed:
                 timeline.change(replace(keyframes, rate=rate), "Change the frame rate", merges=True)
+        imgui.set_next_item_width(-1.0)
+        flags = imgui.InputTextFlags_.enter_returns_true.value
+        entered, rate = imgui.input_float("##other-rate", keyframes.rate, 0.0, 0.0, "%.5g", flags)
+        rects.record("rate:other")
+        tooltip("Any other rate. Enter accepts it.")
+        if entered and _SLOWEST <= rate <= _FASTEST:
+            timeline.change(replace(keyframes, rate=rate), "Change the frame rate", merges=True)
+            imgui.close_current_popup()
         imgui.end_combo()
 
 

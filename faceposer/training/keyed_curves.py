@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.files.sample_times import USUAL_RATE, assumed_rate, nearest_known
+from faceposer.files.sample_rates import USUAL_RATE
+from faceposer.files.sample_times import assumed_rate
 from faceposer.files.time_columns import is_frame_number, is_time, times_of
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import canonical_shape, names_shape
+from faceposer.training.key_times import Sampling, sampling
 
 Array = NDArray[np.float64]
 
 _KEY_LISTS = ("keys", "keyframes", "points", "samples", "values", "frames", "data", "curve")
 _VALUES = ("value", "values", "weight", "weights", "score", "v", "y", "output")
-# Keys that are farther apart do not tell the rate.
-_SLOWEST = 10.0
 # Steps of times without a unit from which they are taken for milliseconds.
 _MILLISECONDS = 5.0
 _MOST_VALUES = 200_000
@@ -68,35 +68,33 @@ def _curve(heading: str, times: list[float], weights: list[float]) -> Curve | No
 def sampled(curves: Mapping[str, Curve], rate: float | None, most: int) -> tuple[Array, float, tuple[str, ...]] | None:
     """Return ``curves`` by shape at even times, shape (F, S), the rate, and notes; None if F is above ``most``.
 
-    Weights are linear between keys and constant before the first and after the last one. The rate is that of the
-    densest curve, unless ``rate`` is given or its keys are far apart.
+    Weights are linear between keys and constant before the first and after the last one. Keys at times keep them;
+    those at frames are put at ``rate``, or at an assumed rate.
     """
     heading = next(iter(curves.values())).heading
     times = np.unique(np.concatenate([curve.times for curve in curves.values()]))
     notes: tuple[str, ...] = ()
+    seconds = times
     if is_frame_number(heading):
-        seconds = times / (rate or USUAL_RATE)
-        found = rate or USUAL_RATE
+        frames = times[0] + np.arange(np.ceil(np.ptp(times)) + 1.0) if np.ptp(times) < most else None
+        if frames is None:
+            return None
         notes = () if rate else (assumed_rate("Its keys are at frames, and it does not state a rate"),)
-    else:
-        read = times_of(heading, [repr(time) for time in times.tolist()])
-        steps = np.diff(times)
-        is_scaled = read is not None and len(steps) > 0 and float(np.median(steps)) >= _MILLISECONDS
-        seconds = read.seconds if read is not None and is_scaled else times
-        notes = (read.note,) if read is not None and is_scaled and read.note else ()
-        own = [np.diff(np.interp(curve.times, times, seconds)) for curve in curves.values()]
-        dense = max(own, key=len)
-        dense = dense[dense > 0.0]
-        measured = 1.0 / float(np.median(dense)) if len(dense) else 0.0
-        found = rate or (nearest_known(measured, 0.02) if measured >= _SLOWEST else USUAL_RATE)
-        if rate is None and measured < _SLOWEST and len(times) > 1:
-            notes = (*notes, assumed_rate("Its keys are far apart"))
-    if not (np.isfinite(seconds).all() and (float(np.ptp(seconds)) + 1.0) * found <= most):
+        return _at(frames, curves), rate or USUAL_RATE, notes
+    read = times_of(heading, [repr(time) for time in times.tolist()])
+    steps = np.diff(times)
+    if read is not None and len(steps) and float(np.median(steps)) >= _MILLISECONDS:
+        seconds, notes = read.seconds, (read.note,) if read.note else ()
+    own = [np.interp(curve.times, times, seconds) for curve in curves.values()]
+    even = sampling(own, most, rate)
+    if not isinstance(even, Sampling):
         return None
-    count = int(np.ptp(seconds) * found + 1e-3) + 1
-    at = seconds[0] + np.arange(count) / found
-    columns = [np.interp(at, np.interp(curve.times, times, seconds), curve.weights) for curve in curves.values()]
-    return np.stack(columns, axis=1), found, notes
+    at = np.interp(even.seconds, seconds, times)
+    return _at(at, curves), even.rate, (*notes, even.note) if even.note else notes
+
+
+def _at(times: Array, curves: Mapping[str, Curve]) -> Array:
+    return np.stack([np.interp(times, curve.times, curve.weights) for curve in curves.values()], axis=1)
 
 
 def without_affixes(data: Any) -> tuple[Any, str]:

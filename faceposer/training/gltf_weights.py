@@ -5,22 +5,25 @@ Section numbers refer to the Khronos glTF 2.0 specification, revision 2.0.1.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
+from faceposer.files.sample_times import too_empty
 from faceposer.geometry.gltf_file import GltfFile, GltfObject
-from faceposer.interchange.named_weights import NamedWeights
+from faceposer.model.shape_names import canonical_shape
+from faceposer.training.key_times import Sampling, sampling
+from faceposer.training.named_weights import NamedWeights
+from faceposer.training.weight_range import in_range
 
 Array = NDArray[np.float64]
 
 _MAX_FRAMES = 1_000_000
 _MAX_WEIGHTS = 50_000_000
-_LOWEST_RATE, _HIGHEST_RATE = 1.0, 240.0
-_MAX_NAMES = 10_000
+_MAX_NAMES = 4_000
 # Share of the shorter of two clips that lies in the time span of the other if they belong together.
 _COMMON_SPAN = 0.5
 # Difference between weights that is a conflict.
@@ -38,6 +41,7 @@ class _Curve:
         times: Times of the K keys in seconds, shape (K,).
         weights: Weights, shape (K,).
         is_step: True if the weights are constant between keys (3.11).
+        tangents: Tangents of a cubic spline before and after each key, shape (K, 2), or None.
     """
 
     name: str
@@ -46,6 +50,7 @@ class _Curve:
     times: Array
     weights: Array
     is_step: bool = False
+    tangents: Array | None = None
 
     @property
     def extent(self) -> float:
@@ -83,7 +88,8 @@ def read_gltf_weights(path: Path) -> NamedWeights:
 
     The first animation with morph targets is read, together with those of other meshes in the same time span, as
     exporters that write one animation for each mesh need it. Of targets with the same name in several meshes, the one
-    that varies most defines the weights. CUBICSPLINE curves are treated as linear between their keys.
+    that varies most defines the weights. Curves are sampled from the first key to the last, those with few keys at a
+    usual rate.
 
     Raises:
         FacePoserError: If the file cannot be read, is invalid, or has no morph targets with names.
@@ -155,17 +161,27 @@ def _read_clip(file: GltfFile, animation: GltfObject, number: int) -> _Clip:
         if not names or index >= len(samplers):
             clip.unread["weights"] += 1
             continue
-        times, weights, is_step = _keys(file, samplers[index], len(names))
-        title = _title(file, node)
+        times, values, kind = _keys(file, samplers[index], len(names))
+        title, is_step = _title(file, node), kind == "STEP"
+        weights = values[:, len(values[0]) // 2]
+        tangents = values[:, ::2] if kind == "CUBICSPLINE" else None
         clip.curves += [
-            _Curve(name, target.integer("node"), title, times, weights[:, column], is_step)
+            _Curve(
+                name,
+                target.integer("node"),
+                title,
+                times,
+                weights[:, column],
+                is_step,
+                None if tangents is None else tangents[:, :, column],
+            )
             for column, name in enumerate(names)
         ]
     return clip
 
 
-def _keys(file: GltfFile, sampler: GltfObject, count: int) -> tuple[Array, Array, bool]:
-    """Return the times, (K,), and the weights, (K, ``count``), of a sampler, and True for a step function (3.11)."""
+def _keys(file: GltfFile, sampler: GltfObject, count: int) -> tuple[Array, Array, str]:
+    """Return the times of a sampler, (K,), its values, (K, 1 or 3, ``count``), and its interpolation (3.11)."""
     times = file.floats(sampler, "input", "SCALAR")[:, 0].astype(np.float64)
     values = file.floats(sampler, "output", "SCALAR")[:, 0].astype(np.float64)
     kind = sampler.text("interpolation")
@@ -173,9 +189,20 @@ def _keys(file: GltfFile, sampler: GltfObject, count: int) -> tuple[Array, Array
     shape = (len(times), 3, count) if kind == "CUBICSPLINE" else (len(times), 1, count)
     if not len(times) or len(values) != int(np.prod(shape)):
         raise sampler.error(f"{len(values)} weights for {len(times)} key frames of {count} morph targets")
-    if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
-        raise sampler.error("its times are not increasing, or a number is not finite")
-    return times, values.reshape(shape)[:, shape[1] // 2], kind == "STEP"
+    wrong = np.flatnonzero(~np.isfinite(times))
+    if len(wrong):
+        raise sampler.error(f"the time of its key {wrong[0] + 1} is not finite")
+    back = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(back):
+        raise sampler.error(
+            f"its times are not increasing: key {back[0] + 2} is at {times[back[0] + 1]:.6g} s after "
+            f"{times[back[0]]:.6g} s"
+        )
+    values = values.reshape(shape)
+    wrong = np.flatnonzero(~np.isfinite(values).all(axis=(1, 2)))
+    if len(wrong):
+        raise sampler.error(f"a weight of its key {wrong[0] + 1} is not finite")
+    return times, values, kind
 
 
 def _merged(clips: Sequence[_Clip]) -> tuple[list[_Curve], tuple[str, ...]]:
@@ -203,8 +230,9 @@ def _merged(clips: Sequence[_Clip]) -> tuple[list[_Curve], tuple[str, ...]]:
 
 def _channels_note(unread: Counter[str]) -> str:
     count = sum(unread.values())
+    said = "channel that moves no named morph target" if count == 1 else "channels that move no named morph target"
     kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(unread.items()))
-    return f"{count} channel{'s' if count > 1 else ''} that move no named morph target ({kinds}) were not read."
+    return f"{count} {said} ({kinds}) {'was' if count == 1 else 'were'} not read."
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -213,22 +241,57 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _resampled(curves: list[_Curve], path: Path, notes: tuple[str, ...]) -> NamedWeights:
-    """Return ``curves`` sampled at the rate of the curve with the most keys, from their first key to their last."""
-    densest = max((curve.times for curve in curves), key=len)
-    interval = float(np.median(np.diff(densest))) if len(densest) > 1 else 1.0
-    rate = round(float(np.clip(1.0 / interval, _LOWEST_RATE, _HIGHEST_RATE)), 2)
-    begin = min(curve.times[0] for curve in curves)
-    end = max(curve.times[-1] for curve in curves)
-    count = (end - begin) * rate + 1
-    if not count <= _MAX_FRAMES:
-        raise FacePoserError(f"The animation in '{path}' has {count:.0f} frames, more than {_MAX_FRAMES}.")
+    """Return ``curves`` at even times, from their first key to their last."""
+    curves, percent = _in_range(curves, path)
+    even = sampling([curve.times for curve in curves], _MAX_FRAMES)
+    if not isinstance(even, Sampling):
+        raise FacePoserError(f"The animation in '{path}' has {even:.0f} frames, more than {_MAX_FRAMES}.")
+    count = len(even.seconds)
+    keys = max(len(curve.times) for curve in curves)
+    if too_empty(count, keys):
+        seconds = max(curve.times[-1] for curve in curves) - min(curve.times[0] for curve in curves)
+        raise FacePoserError(
+            f"The animation in '{path}' has {counted(keys, 'key')} in {seconds:.6g} seconds, which would become "
+            f"{count:.0f} frames; correct its times or split it."
+        )
     if count * len(curves) > _MAX_WEIGHTS:
         raise FacePoserError(
             f"The animation in '{path}' has {count:.0f} frames of {len(curves)} morph targets, more than can be read; "
             "export a shorter part of it."
         )
-    sampled, conflicts = _chosen(curves, begin + np.arange(int(count + 1e-3)) / rate)
-    return NamedWeights(tuple(sampled), np.stack([*sampled.values()], axis=1), rate, (*notes, *conflicts))
+    sampled, conflicts = _chosen(curves, even.seconds)
+    notes = (*percent, *notes, *conflicts, *([even.note] if even.note else []))
+    return NamedWeights(tuple(sampled), np.stack([*sampled.values()], axis=1), even.rate, notes)
+
+
+def _in_range(curves: list[_Curve], path: Path) -> tuple[list[_Curve], tuple[str, ...]]:
+    """Return ``curves`` from 0 to 1, and the sentence about percentages.
+
+    Shapes that are not ARKit's may have other ranges.
+    """
+    ours = [i for i, curve in enumerate(curves) if canonical_shape(curve.name) is not None]
+    if not ours:
+        return curves, ()
+    found = in_range(np.concatenate([curves[i].weights for i in ours]))
+    if found is None:
+        worst = max((curves[i] for i in ours), key=lambda curve: float(np.abs(curve.weights).max()))
+        raise FacePoserError(
+            f"The weights of '{worst.name[:60]}' in '{path}' reach {np.abs(worst.weights).max():.4g}, which is neither "
+            "of 0 to 1 nor of 0 to 100; export the animation again."
+        )
+    if not found[1]:
+        return curves, ()
+    scaled = [
+        replace(
+            curve,
+            weights=curve.weights / 100.0,
+            tangents=None if curve.tangents is None else curve.tangents / 100.0,
+        )
+        if i in set(ours)
+        else curve
+        for i, curve in enumerate(curves)
+    ]
+    return scaled, (found[1],)
 
 
 def _chosen(curves: Sequence[_Curve], sample_times: Array) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -262,4 +325,18 @@ def _sample(curve: _Curve, sample_times: Array) -> Array:
     if curve.is_step:
         weights: Array = curve.weights[np.clip(np.searchsorted(curve.times, sample_times + 1e-6, "right") - 1, 0, None)]
         return weights
-    return np.interp(sample_times, curve.times, curve.weights)
+    if curve.tangents is None or len(curve.times) < 2:
+        return np.interp(sample_times, curve.times, curve.weights)
+    # The Hermite spline of appendix C.5, constant outside its keys.
+    at = np.clip(sample_times, curve.times[0], curve.times[-1])
+    left = np.clip(np.searchsorted(curve.times, at, "right") - 1, 0, len(curve.times) - 2)
+    step = curve.times[left + 1] - curve.times[left]
+    t = (at - curve.times[left]) / step
+    begin, end = curve.weights[left], curve.weights[left + 1]
+    leaving, arriving = step * curve.tangents[left, 1], step * curve.tangents[left + 1, 0]
+    return (
+        (2.0 * t**3 - 3.0 * t**2 + 1.0) * begin
+        + (t**3 - 2.0 * t**2 + t) * leaving
+        + (3.0 * t**2 - 2.0 * t**3) * end
+        + (t**3 - t**2) * arriving
+    )

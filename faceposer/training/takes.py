@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from faceposer.files.sample_times import interpolated
-from faceposer.interchange.named_weights import NamedWeights
 from faceposer.training.capture import read_capture
+from faceposer.training.named_weights import NamedWeights
 
 
 def read_take(path: Path, rate: float | None = None) -> NamedWeights:

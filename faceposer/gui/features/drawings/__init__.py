@@ -1,0 +1,1 @@
+"""Drawings that pose the face."""
