@@ -15,6 +15,11 @@ if TYPE_CHECKING:
         Pose,
         Trajectories,
         characters,
+        feature_pixels,
+        feature_places,
+        find_all_landmarks,
+        find_landmarks,
+        find_mesh_landmarks,
         load,
     )
 
@@ -27,6 +32,11 @@ __all__ = [
     "Pose",
     "Trajectories",
     "characters",
+    "feature_pixels",
+    "feature_places",
+    "find_all_landmarks",
+    "find_landmarks",
+    "find_mesh_landmarks",
     "load",
 ]
 

@@ -29,6 +29,7 @@ for words in (
     ["solve", "session.json", "-o", "c.obj"],
     ["export", "session.json", "-o", "c.ply"],
     ["transfer", "session.json", "man", "-o", "d.json"],
+    ["landmarks", "low", "-o", "e.json", "--image", "e.png"],
 ):
     try:
         main(words)
@@ -43,7 +44,19 @@ def test_meshes_sessions_and_weights_are_saved_without_opengl(tmp_path: Path) ->
     )
     assert done.returncode == 0, done.stderr
     written = {path.name for path in tmp_path.iterdir()}
-    assert written >= {"a.obj", "b.obj", "b.ply", "b.glb", "b.csv", "weights.json", "c.obj", "c.ply", "d.json"}
+    assert written >= {
+        "a.obj",
+        "b.obj",
+        "b.ply",
+        "b.glb",
+        "b.csv",
+        "weights.json",
+        "c.obj",
+        "c.ply",
+        "d.json",
+        "e.json",
+        "e.png",
+    }
 
 
 def test_pictures_without_opengl_get_one_sentence(tmp_path: Path) -> None:

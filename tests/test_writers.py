@@ -60,6 +60,7 @@ _MODULES = {
     "interchange/glb.py": "checked here",
     "interchange/meshes.py": "checked here; images and materials",
     "interchange/weights_json.py": "checked here",
+    "landmarks/overlay.py": "images",
     "model/character_file.py": "checked here",
     "model/expression_statistics.py": "checked here",
     "poses/library.py": "poses, by poses/pose_file.py",

@@ -2,8 +2,10 @@
 
 from faceposer.animation.trajectories import Trajectories
 from faceposer.api.face import Face, characters, load
+from faceposer.api.landmarks import find_all_landmarks, find_landmarks, find_mesh_landmarks
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
+from faceposer.landmarks.feature_points import feature_pixels, feature_places
 from faceposer.model.performance import Performance
 from faceposer.poses.pose_file import Pose
 
@@ -16,5 +18,10 @@ __all__ = [
     "Pose",
     "Trajectories",
     "characters",
+    "feature_pixels",
+    "feature_places",
+    "find_all_landmarks",
+    "find_landmarks",
+    "find_mesh_landmarks",
     "load",
 ]

@@ -18,6 +18,7 @@ from faceposer.cli import (
     demo,
     evaluate,
     export,
+    landmarks,
     photo,
     render,
     sketch,
@@ -60,6 +61,7 @@ COMMANDS: tuple[Command, ...] = (
     animate,
     transfer,
     photo,
+    landmarks,
     sketch,
     export,
     evaluate,
@@ -86,6 +88,8 @@ examples:
                                              transfer an expression or an animation to another character
   faceposer photo woman face.jpg --pins pins.json -o face.json
                                              pose a face from a photo
+  faceposer landmarks face.jpg -o points.json
+                                             find the landmarks of a photo or a mesh
   faceposer sketch man strokes.json -o drawn.json
                                              pose a face by drawn features
   faceposer evaluate -o DIR                  compare the prior with other techniques on unseen expressions

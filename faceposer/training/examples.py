@@ -19,6 +19,7 @@ from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_motion
+from faceposer.training.drawn_points import DrawnPoints, drawn_feature_points
 from faceposer.training.eyes import misplaced_eyes
 from faceposer.training.frames import (
     AlignedReader,
@@ -116,6 +117,7 @@ def character_from_sequence(
         raise FacePoserError(f"The meshes of '{source}' are all the same; add examples of different expressions.")
     textures: dict[str, bytes] = {}
     notes = _size_notes(sizes)
+    drawn = DrawnPoints({}, {})
     if mesh is None:
         found = frame_from_motion(neutral, sequence.neutral.triangles(), motion)
         if found is None:
@@ -127,6 +129,8 @@ def character_from_sequence(
             textures, problems = read_obj_textures(sequence.neutral_path, sequence.neutral)
             notes += problems
         mesh = replace(assemble(sequence.neutral, upright, sample, textures), resembles_man=resembles_man)
+        progress.at("Finding eyes, brows and mouth")
+        drawn = drawn_feature_points(mesh)
 
     progress.at("Finding the regions")
     triangles = _triangles(mesh)
@@ -154,6 +158,7 @@ def character_from_sequence(
         "dimensions": len(modes.names),
         **_kept_energy(shapes, own_sample, modes, segments),
         "settled": modes.converged,
+        "points_from_pictures": len(drawn.points),
         "prior": {"from": "examples", **choice.as_json()},
         "curves": curves.as_json(),
         "warnings": [
@@ -177,6 +182,8 @@ def character_from_sequence(
             name: np.flatnonzero(mask > 0.5).astype(np.int32)
             for name, mask in zip(segments.names, segments.masks, strict=True)
         },
+        feature_points=drawn.points,
+        feature_titles=drawn.titles,
         textures=mesh.textures,
         credits=options.credits,
         shape_limits=np.stack([lower - room, upper + room], axis=1).astype(np.float32),

@@ -20,6 +20,7 @@ from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
 from faceposer.training.canonical_frame import frame_from_shapes
 from faceposer.training.displacements import check_displacements
+from faceposer.training.drawn_points import DrawnPoints, drawn_feature_points
 from faceposer.training.eyes import add_gaze, misplaced_eyes
 from faceposer.training.kinds import Sides
 from faceposer.training.landmarks import find_landmarks
@@ -29,6 +30,8 @@ from faceposer.training.sides import sides_of
 
 #: Least number of ARKit's shapes in a rig.
 _FEWEST_SHAPES = 5
+#: Number of feature points found by motion below which pictures of the face are drawn for the others.
+_FEW_POINTS = 40
 _DRAWS = 256
 # Reconstruction error above which a shape is listed in the summary.
 _LISTED_ERROR = 0.01
@@ -202,6 +205,7 @@ def _character(
     turned = add_gaze(mesh.vertices.astype(np.float64), mesh.parts, names, shapes)
     progress.at("Finding eyes, brows and mouth", 0.4)
     landmarks = find_landmarks(mesh.vertices, mesh.parts, dict(zip(facts.by_side, shapes, strict=True)))
+    drawn = drawn_feature_points(mesh) if len(landmarks.feature_points) < _FEW_POINTS else DrawnPoints({}, {})
     learned: LearnedStatistics | None = None
     if options.captures:
         learned = learn_from_captures(options.captures, options.n_components, options.n_factors, progress)
@@ -217,8 +221,8 @@ def _character(
         shape_names=names,
         shapes=shapes,
         regions=landmarks.regions,
-        feature_points=landmarks.feature_points,
-        feature_titles=landmarks.feature_titles,
+        feature_points=drawn.points | dict(landmarks.feature_points),
+        feature_titles=drawn.titles | dict(landmarks.feature_titles),
         textures=mesh.textures,
         credits=options.credits,
         statistics=learned.statistics if learned else None,
@@ -234,6 +238,7 @@ def _character(
         "empty": [name for name in names if not np.any(named[name])],
         "not_arkit": list(facts.others),
         "eyes_turned": turned,
+        "points_from_pictures": len(character.feature_points) - len(landmarks.feature_points),
         "warnings": [*facts.notes] + misplaced_eyes(mesh.vertices, mesh.parts) + (learned.warnings if learned else []),
         "prior": learned.as_json() if learned else {"from": "the shipped statistics"},
         **_measures(character),

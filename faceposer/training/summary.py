@@ -95,6 +95,8 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
             )
     else:
         lines.append(f"{counted(len(character.shape_names), 'shape')}")
+    if summary.get("points_from_pictures"):
+        lines.append(f"{counted(summary['points_from_pictures'], 'feature point')} found in pictures of the face")
     lines += _prior_lines(summary.get("prior", {}))
     curves = summary.get("curves", {})
     if curves.get("generalization_cm"):

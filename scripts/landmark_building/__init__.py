@@ -1,0 +1,1 @@
+"""Conversion of the landmark networks to Face Poser's array file."""
