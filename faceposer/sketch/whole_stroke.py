@@ -276,8 +276,7 @@ class WholeStrokeRecogniser:
         probabilities = shares / (shares.sum() + nothing)
         ranked = np.argsort(-logs)
         near = {near for i in ranked[:1] for near in family_of(names[i])}
-        order = [i for i in ranked if probabilities[i] >= _LEAST or names[i] in near]
-        shown = order[:_MOST_CANDIDATES]
+        shown = [i for i in ranked if probabilities[i] >= _LEAST or names[i] in near][:_MOST_CANDIDATES]
         placed = [placed_points(found[i][0], found[i][1], stroke, samples, tuning.hand) for i in shown]
         candidates = tuple(
             Candidate(names[i], float(min(probabilities[i], 1.0)), points)
@@ -286,11 +285,10 @@ class WholeStrokeRecogniser:
         best = float(probabilities.max(initial=0.0))
         accepted = bool(candidates) and best > nothing / (shares.sum() + nothing)
         if accepted and len(candidates[0].points) < _LEAST_MATCHED:
-            enough = covered[order[0]] >= (_CONTINUED if names[order[0]] in drawn else _LEAST_COVERED)
-            accepted = bool(enough and candidates[0].points)
+            least = _CONTINUED if names[shown[0]] in drawn else _LEAST_COVERED
+            accepted = bool(covered[shown[0]] >= least and candidates[0].points)
         if accepted and feature is None:
-            closed = FEATURES[names[order[0]]].closed
-            accepted = placed[0][1] < (_FARTHEST_CLOSED if closed else _FARTHEST)
+            accepted = placed[0][1] < (_FARTHEST_CLOSED if FEATURES[names[shown[0]]].closed else _FARTHEST)
         return Recognition(candidates, accepted)
 
 
