@@ -37,8 +37,8 @@ _FOREIGN = {
     ".basis": "a Basis image",
     **dict.fromkeys((".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2"), _RAW),
 }
-#: Suffixes of common image formats that cannot be opened.
-FOREIGN_SUFFIXES = tuple(_FOREIGN)
+#: Suffixes of common image formats that cannot be opened; drawings in SVG are opened as such.
+FOREIGN_SUFFIXES = tuple(suffix for suffix in _FOREIGN if suffix != ".svg")
 # First bytes of formats that cannot be opened, and of formats that can, whatever the suffix.
 _STARTS = (
     (b"8BPS", ".psd"),
