@@ -431,8 +431,7 @@ def test_a_character_from_examples_is_posed(robot: Robot, meshes: Path, tmp_path
     robot.key("D")
     robot.frames(2)
     # Distances between feature points, if these were found on drawings of the face.
-    measures = any(mark.startswith("measure:") for mark in app.widget_rects)
-    assert measures == bool(session.model.character.feature_points)
+    assert any(mark.startswith("measure:") for mark in app.widget_rects) == bool(session.model.character.feature_points)
     robot.key("H")
     robot.frames(2)
     buttons = [mark for mark in app.widget_rects if mark.startswith("hold:")]
