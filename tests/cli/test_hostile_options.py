@@ -49,11 +49,13 @@ def test_closed_streams_lead_nowhere(redirected: str, take: Path, tmp_path: Path
 def test_ctrl_c_during_imports_ends_quietly() -> None:
     code = (
         "import builtins, os, signal\n"
+        # Who starts the tests in the background has interrupts ignored.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "load = builtins.__import__\n"
-        "def slow(name, *rest):\n"
+        "def slow(name, *rest, **more):\n"
         "    if name == 'faceposer.cli':\n"
         "        os.kill(os.getpid(), signal.SIGINT)\n"
-        "    return load(name, *rest)\n"
+        "    return load(name, *rest, **more)\n"
         "from faceposer.__main__ import start\n"
         "builtins.__import__ = slow\n"
         "start()\n"
@@ -65,7 +67,10 @@ def test_ctrl_c_during_imports_ends_quietly() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are those of POSIX")
 def test_ctrl_c_later_ends_with_the_same_status(tmp_path: Path) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "faceposer", "demo", "-o", str(tmp_path / "demo")], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "faceposer", "demo", "-o", str(tmp_path / "demo")],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
     time.sleep(1.5)
     process.send_signal(signal.SIGINT)
