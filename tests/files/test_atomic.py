@@ -326,13 +326,16 @@ def test_an_error_while_removing_a_folder_does_not_hide_the_first(
     assert not (tmp_path / "frames").exists()
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    # Imported here: it needs a system that can fork.
+    from scripts.torture import forked
+
     folder = tmp_path / "locked"
     folder.mkdir()
     (folder / "a.json").write_text("old")
-    with read_only(folder):
-        if os.access(folder, os.W_OK):
-            pytest.skip("root writes everywhere")
+
+    def write() -> None:
         with pytest.raises(FacePoserError, match=r"The session '.*a\.json' cannot be written: Permission denied\."):
             write_text(folder / "a.json", "new", "session")
         with (
@@ -342,6 +345,11 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
             pass
         with pytest.raises(FacePoserError, match="is not writable; choose another"):
             check_output(folder / "a.obj", ".obj")
+
+    with read_only(folder):
+        # In a child that obeys the permissions even as root.
+        ended = forked.run(write)
+    assert ended.status == 0, ended.err
     assert (folder / "a.json").read_text() == "old"
     assert names(folder) == ["a.json"]
 

@@ -116,10 +116,18 @@ def test_long_text_is_cut_and_identifiers_are_different() -> None:
     assert all(widget_id(name).isascii() and "#" not in widget_id(name) for name in names)
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
 def test_a_folder_that_is_not_writable_is_told_below_the_field(tmp_path: Path) -> None:
+    # Imported here: it needs a system that can fork.
+    from scripts.torture import forked
+
+    def enter() -> None:
+        assert "is not writable; choose another" in entered(tmp_path, "a")
+
     tmp_path.chmod(0o500)
     try:
-        assert "is not writable; choose another" in entered(tmp_path, "a")
+        # In a child that obeys the permissions even as root.
+        ended = forked.run(enter)
     finally:
         tmp_path.chmod(0o700)
+    assert ended.status == 0, ended.err
