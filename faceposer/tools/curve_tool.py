@@ -9,6 +9,7 @@ from faceposer.geometry.curves import nearest_parameter, relaxed_bezier
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.solve.constraints.curve import MOST_POINTS, CurveConstraint
 from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.tools.dragging import drag_constraint
 from faceposer.tools.stroke_tool import pixels_in_view
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
@@ -165,34 +166,18 @@ class CurveTool(PosingTool):
         self, handle: tuple[int, int], event: PointerEvent, context: ToolContext, begun: CurveConstraint | None = None
     ) -> Gesture:
         """Drag a control point of a target; ``begun`` is the curve with a newly inserted point."""
-        # on press
-        index, point = handle
-        session, press = context.session, event.position
-        self._settings.selection.set(index)
-        inserted = begun is not None
-        with session.edit("Add a point to a curve" if inserted else "Edit a curve"):
-            mirroring = Mirroring(self._settings.symmetry, session)
-            if begun is None:
-                constraint = session.document.constraints[index]
-                assert isinstance(constraint, CurveConstraint)
-                begun = constraint
-            else:
-                session.replace(session.document.with_constraint(index, begun))
-            point = min(point, len(begun.target) - 1)
-            scale = begun.camera.focal / context.camera.focal
-            moved = inserted
-            while True:
-                event = yield
-                # on release
-                if event.kind == "release":
-                    break
-                # on move
-                moved = True
-                u, v = (np.subtract(event.position, press) * scale + begun.target[point]).tolist()
-                document = session.document.with_constraint(index, begun.with_target(point, (u, v)))
-                session.replace(mirroring.with_images(document, [index]))
-            if not moved:
-                session.restore()
+        index, place = handle
+        curve = begun or context.session.document.constraints[index]
+        assert isinstance(curve, CurveConstraint)
+        point = min(place, len(curve.target) - 1)
+        scale = curve.camera.focal / context.camera.focal
+
+        def changed(offset: NDArray[np.float64]) -> CurveConstraint:
+            u, v = (offset * scale + curve.target[point]).tolist()
+            return curve.with_target(point, (u, v))
+
+        label = "Edit a curve" if begun is None else "Add a point to a curve"
+        yield from drag_constraint(index, changed, label, event, context, self._settings, begun)
 
     def accept(self, context: ToolContext) -> bool:
         """Turn the source into a constraint with an equal target; return True if there was a source."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.picking import SurfacePoint
 from faceposer.session.document import Document
 from faceposer.solve.constraints.distance import DistanceConstraint
+from faceposer.tools.dragging import drag_constraint
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
@@ -161,33 +162,21 @@ class DistanceTool(PosingTool):
 
     def _drag(self, handle: tuple[int, int], event: PointerEvent, context: ToolContext) -> Gesture:
         """Drag one end along the line; the other end is fixed, and the distance changes by the same amount."""
-        # on press
         index, end = handle
-        session, press = context.session, event.position
-        self._settings.selection.set(index)
-        with session.edit("Change a distance"):
-            mirroring = Mirroring(self._settings.symmetry, session)
-            constraint = session.document.constraints[index]
-            if not isinstance(constraint, DistanceConstraint):
-                return
-            begun = with_view_camera(constraint, context)
-            pixels = begun.pixels(session.model, session.coefficients)
-            along = pixels[end] - pixels[1 - end]
-            length = float(np.hypot(*along))
-            unit = along / length if length > 1e-6 else np.array([0.0, 1.0 if end else -1.0])
-            moved = False
-            while True:
-                event = yield
-                # on release
-                if event.kind == "release":
-                    break
-                # on move
-                moved = True
-                target = max(begun.target + float(np.subtract(event.position, press) @ unit), 0.0)
-                document = session.document.with_constraint(index, replace(begun, target=target))
-                session.replace(mirroring.with_images(document, [index]))
-            if not moved:
-                session.restore()
+        session = context.session
+        constraint = session.document.constraints[index]
+        if not isinstance(constraint, DistanceConstraint):
+            return
+        begun = with_view_camera(constraint, context)
+        pixels = begun.pixels(session.model, session.coefficients)
+        along = pixels[end] - pixels[1 - end]
+        length = float(np.hypot(*along))
+        unit = along / length if length > 1e-6 else np.array([0.0, 1.0 if end else -1.0])
+
+        def changed(offset: NDArray[np.float64]) -> DistanceConstraint:
+            return replace(begun, target=max(begun.target + float(offset @ unit), 0.0))
+
+        yield from drag_constraint(index, changed, "Change a distance", event, context, self._settings)
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
         """Remove the distance with an end within reach of ``position``; return True if there was one."""

@@ -14,6 +14,7 @@ from faceposer.session.sketching import session_sketcher, sketch_of
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
+from faceposer.tools.dragging import drag_drawn
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
 from faceposer.tools.sketch_edits import (
     depicting,
@@ -24,7 +25,6 @@ from faceposer.tools.sketch_edits import (
     with_sketch,
 )
 from faceposer.tools.stroke_tool import distance_to_line, pixels_in_view
-from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 Pixel = tuple[float, float]
@@ -206,30 +206,9 @@ class SketchTool(PosingTool):
 
     def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Move a sketch by the motion of the pointer."""
-        # on press
-        session, press = context.session, event.position
-        index = self.sketch_at(press, context)
-        if index is None:
-            return
-        self._settings.selection.set(index)
-        with session.edit("Move a sketch"):
-            mirroring = Mirroring(self._settings.symmetry, session)
-            begun = session.document.constraints[index]
-            assert isinstance(begun, SketchConstraint)
-            scale = begun.camera.focal / context.camera.focal
-            moved = False
-            while True:
-                event = yield
-                # on release
-                if event.kind == "release":
-                    break
-                # on move
-                moved = True
-                du, dv = (np.subtract(event.position, press) * scale).tolist()
-                document = session.document.with_constraint(index, begun.nudged((du, dv)))
-                session.replace(mirroring.with_images(document, [index]))
-            if not moved:
-                session.restore()
+        index = self.sketch_at(event.position, context)
+        if index is not None:
+            yield from drag_drawn(index, "Move a sketch", event, context, self._settings)
 
     # Recognition
 

@@ -12,6 +12,7 @@ from faceposer.geometry.strokes import MOST_PIXELS, smoothed, stroke_pixels
 from faceposer.session.document import Document
 from faceposer.session.effort import check_effort
 from faceposer.solve.constraints.stroke import WIDEST, Pixels, StrokeConstraint, as_pixels
+from faceposer.tools.dragging import drag_drawn
 from faceposer.tools.symmetry import Mirroring
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
@@ -163,30 +164,9 @@ class StrokeTool(PosingTool):
 
     def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Move a target by the motion of the pointer."""
-        # on press
-        session, press = context.session, event.position
-        index = self._target_at(press, context)
-        if index is None:
-            return
-        self._settings.selection.set(index)
-        with session.edit("Move a target"):
-            mirroring = Mirroring(self._settings.symmetry, session)
-            begun = session.document.constraints[index]
-            assert isinstance(begun, StrokeConstraint)
-            scale = begun.camera.focal / context.camera.focal
-            moved = False
-            while True:
-                event = yield
-                # on release
-                if event.kind == "release":
-                    break
-                # on move
-                moved = True
-                du, dv = (np.subtract(event.position, press) * scale).tolist()
-                stroke = begun.nudged((du, dv))
-                session.replace(mirroring.with_images(session.document.with_constraint(index, stroke), [index]))
-            if not moved:
-                session.restore()
+        index = self._target_at(event.position, context)
+        if index is not None:
+            yield from drag_drawn(index, "Move a target", event, context, self._settings)
 
     def remove_at(self, position: Pixel, context: ToolContext) -> bool:
         """Remove the stroke whose target passes within reach of ``position``; return True if there was one."""
