@@ -16,6 +16,7 @@ _REMEDIES: dict[Kind, str] = {
     "mesh": "'faceposer export CHARACTER --pose FILE -o OUT.json' reads a posed mesh, and 'faceposer train --rig "
     "FOLDER -o OUT.npz' a folder of shapes",
     "photo": "'faceposer photo CHARACTER FILE --pins PINS -o OUT.json' poses a character from a photo",
+    "drawing": "'faceposer sketch CHARACTER FILE -o OUT.json' poses a character by a drawing",
     "folder": "'faceposer train --rig FOLDER -o OUT.npz' makes a character of a folder of shapes, and --examples one "
     "of a folder of expressions",
 }

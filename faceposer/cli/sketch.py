@@ -3,12 +3,15 @@
 import argparse
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_spread
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, article, printable
 from faceposer.files.atomic import check_distinct, check_not_input, check_output
+
+if TYPE_CHECKING:
+    from faceposer.session.session import Session
 
 NAME = "sketch"
 # Size of the view into which drawings are aligned, in pixels.
@@ -76,11 +79,7 @@ def run(options: argparse.Namespace) -> int:
     character = session.model.character
     camera = None if options.camera is None else read_camera(options.camera, character, of_face=True)
     strokes = read_strokes(options.strokes, character, camera)
-    if options.spread is not None:
-        session.set_spread(options.spread)
-    if options.method is not None:
-        session.set_sketch_method(options.method)
-    session.wait()
+    _apply_settings(options, session)
     line = ProgressLine()
     began = time.perf_counter()
     try:
@@ -110,13 +109,11 @@ def _run_drawing(options: argparse.Namespace) -> int:
     check_not_input(options.output, relative.neutral)
     session = open_with_remark(options.what)
     character = session.model.character
-    size = _DRAWING_SIZE
-    camera = face_view(character).camera(size) if options.camera is None else read_camera(options.camera, character)
-    if options.spread is not None:
-        session.set_spread(options.spread)
-    if options.method is not None:
-        session.set_sketch_method(options.method)
-    session.wait()
+    if options.camera is None:
+        camera = face_view(character).camera(_DRAWING_SIZE)
+    else:
+        camera = read_camera(options.camera, character, of_face=True)
+    _apply_settings(options, session)
     line = ProgressLine()
     began = time.perf_counter()
     try:
@@ -135,6 +132,15 @@ def _run_drawing(options: argparse.Namespace) -> int:
         print(printable(remark))
     print(f"{options.output} written: {len(sketches)} of {len(found.strokes)} lines are features, {seconds:.1f} s")
     return 0
+
+
+def _apply_settings(options: argparse.Namespace, session: "Session") -> None:
+    """Change what the options of the face state, and solve."""
+    if options.spread is not None:
+        session.set_spread(options.spread)
+    if options.method is not None:
+        session.set_sketch_method(options.method)
+    session.wait()
 
 
 def _line_described(stroke: Any) -> str:

@@ -38,6 +38,7 @@ _REMEDIES: dict[Kind, str] = {
     "rig": f"Rigs are imported with File > Import character. {_ANIMATION}",
     "mesh": "Posed meshes are opened with File > Open pose, and folders of shapes with File > Import character",
     "photo": "Photos are opened with File > Open photo",
+    "drawing": "Drawings (.svg) are opened with File > Open drawing, and strokes of a file by 'faceposer sketch'",
     "folder": "Folders of shapes or expressions are imported with File > Import character",
 }
 

@@ -15,13 +15,16 @@ from faceposer.model.shape_names import canonical_shape
 from faceposer.photo.reading import PHOTO_SUFFIXES
 from faceposer.session.document import FORMAT
 
-Kind = Literal["performance", "weights", "trajectories", "pose", "table", "rig", "mesh", "photo", "folder", ""]
+Kind = Literal[
+    "performance", "weights", "trajectories", "pose", "table", "rig", "mesh", "photo", "drawing", "folder", ""
+]
 
 _MESHES = (".obj", ".ply", ".stl", ".off")
 _FORMATS: dict[str, Kind] = {
     "faceposer.weights": "weights",
     "faceposer.trajectories": "trajectories",
     "faceposer.pose": "pose",
+    "faceposer.strokes": "drawing",
     FORMAT: "",
 }
 # Bytes in which a file names its format or its columns, and the rows of a table in which these are.
@@ -46,6 +49,7 @@ def kind_of(path: Path) -> Kind:
         "rig": GLTF_SUFFIXES,
         "mesh": _MESHES,
         "photo": (*PHOTO_SUFFIXES, *FOREIGN_SUFFIXES),
+        "drawing": (".svg",),
     }
     return next((kind for kind, suffixes in kinds.items() if suffix in suffixes), "")
 

@@ -24,6 +24,8 @@ FILES = {
     "weights.json": (json.dumps({"format": "faceposer.weights"}), "weights", "--animation"),
     "other.json": (json.dumps([{"jawOpen": 0.5}]), "weights", "--animation"),
     "points.json": (json.dumps({"format": "faceposer.trajectories"}), "trajectories", "animate CHARACTER"),
+    "lines.svg": ("<svg/>", "drawing", "sketch CHARACTER"),
+    "strokes.json": (json.dumps({"format": "faceposer.strokes"}), "drawing", "sketch CHARACTER"),
     "session.json": (json.dumps({"format": "faceposer.session"}), "", ""),
     "broken.json": ('{"format": "a\x01"}', "", ""),
     "unknown.xyz": ("", "", ""),
