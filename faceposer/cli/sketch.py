@@ -123,7 +123,7 @@ def _run_drawing(options: argparse.Namespace) -> int:
     try:
         found, sketches = read_drawing(session.model, options.strokes, camera, relative, line.progress)
         add_sketches(session, sketches, options.strokes.name)
-        session.wait(timeout=600.0)
+        session.wait()
     finally:
         line.clear()
     seconds = time.perf_counter() - began
