@@ -9,7 +9,6 @@ front and from three quarters. With --tune, both are from take 3: the folds of d
 """
 
 import argparse
-import json
 import os
 import sys
 from pathlib import Path
@@ -26,7 +25,7 @@ from faceposer.errors import FacePoserError
 from faceposer.evaluation.sketching.hand_errors import HandErrors
 from faceposer.evaluation.sketching.report import confusion_of, reliability_of, study_rows, summary
 from faceposer.evaluation.takes import Source
-from faceposer.files.atomic import write_text
+from faceposer.files.writing import write_json
 from faceposer.training.expressions import Recipe
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
@@ -73,7 +72,7 @@ def main() -> None:
             "scribbles_accepted": [result["scribbles"] for result in results],
         }
         if options.json is not None:
-            write_text(options.json, json.dumps(document, indent=1) + "\n", "study")
+            write_json(options.json, document, "study")
     except FacePoserError as error:
         raise SystemExit(f"study_sketching: {error}") from error
     print(summary(document))

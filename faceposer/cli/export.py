@@ -200,13 +200,13 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
         animation = read_performance(options.animation, model, options.rate)
         count, rate = len(animation.performance), animation.performance.rate
         length = f"{counted(count, 'frame')} at {rate:g} fps" if count > 1 else "a single frame"
-        _print_cut(f"{options.animation}: {length}")
+        print(printable(f"{options.animation}: {length}"))
         print_notes(options.animation, animation.note)
         return animation.performance
     if options.pose is not None:
         read = read_pose(options.pose, model, (options.frame or 1) - 1)
         if read.note:
-            _print_cut(f"{options.pose}: {read.note}")
+            print(printable(f"{options.pose}: {read.note}"))
         return read.coefficients
     holds_animation = options.sequence is not None or format_of(options.output).animated
     if options.inbetweens is not None:
@@ -216,7 +216,7 @@ def _motion(options: argparse.Namespace, session: "Session") -> "NDArray[np.floa
         controller.change(replace(controller.keyframes, inbetweens=options.inbetweens), "Change the in-betweens")
     performance = session.animation.performance if holds_animation and not options.still else None
     if performance is not None and len(performance) > 1:
-        _print_cut(f"{options.what}: {counted(len(performance), 'frame')} at {performance.rate:g} fps")
+        print(printable(f"{options.what}: {counted(len(performance), 'frame')} at {performance.rate:g} fps"))
         return performance
     return session.coefficients
 
@@ -262,11 +262,6 @@ def _check_options(options: argparse.Namespace) -> None:
     if options.transparent and not form.transparent:
         raise FacePoserError("--transparent applies to images only; use an output that ends in .png.")
     check_not_input(path, options.what, options.pose, options.animation)
-
-
-def _print_cut(text: str) -> None:
-    """Print ``text``, which may have names from files."""
-    print(printable(text))
 
 
 def _positive_number(text: str, most: float, unit: str) -> float:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from faceposer.cli.arguments import output_path
 from faceposer.errors import FacePoserError, printable
 from faceposer.files.atomic import check_not_input, check_output
 
@@ -18,10 +19,14 @@ def add_parser(commands: Any) -> None:
         description="Find 468 points and the irises of faces in a photo, or the points and feature points of a mesh.",
     )
     parser.add_argument("what", metavar="PHOTO|MESH|CHARACTER", help="photo, mesh file, or character")
-    parser.add_argument("-o", "--output", type=Path, metavar="POINTS.json", help="write the points (docs/landmarks.md)")
-    parser.add_argument("--image", type=Path, metavar="OUT.png", help="draw the points over the photo or the mesh")
     parser.add_argument(
-        "--pins", type=Path, metavar="PINS.json", help="write pins on the largest face, for 'faceposer photo'"
+        "-o", "--output", type=output_path, metavar="POINTS.json", help="write the points (docs/landmarks.md)"
+    )
+    parser.add_argument(
+        "--image", type=output_path, metavar="OUT.png", help="draw the points over the photo or the mesh"
+    )
+    parser.add_argument(
+        "--pins", type=output_path, metavar="PINS.json", help="write pins on the face, for 'faceposer photo'"
     )
     parser.add_argument("--all", action="store_true", help="find all faces of the photo, also small ones")
 

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_spread
+from faceposer.cli.arguments import add_spread, output_path
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, article, printable
 from faceposer.files.atomic import check_distinct, check_not_input, check_output
@@ -27,7 +27,9 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("what", metavar="CHARACTER|SESSION", help="character, or session to add the strokes to")
     parser.add_argument("strokes", type=Path, metavar="STROKES", help="file of strokes (.json), or drawing (.svg)")
-    parser.add_argument("-o", "--output", type=Path, metavar="SESSION.json", required=True, help="session to write")
+    parser.add_argument(
+        "-o", "--output", type=output_path, metavar="SESSION.json", required=True, help="session to write"
+    )
     parser.add_argument(
         "--camera", type=Path, metavar="JSON", help="camera of the strokes, in place of that of their file"
     )
@@ -47,7 +49,9 @@ def add_parser(commands: Any) -> None:
         "none (off: lines are taken as they are), or a drawing of it",
     )
     add_spread(parser, "that of the session, else 0.5")
-    parser.add_argument("--report", type=Path, metavar="R.json", help="also write features, points and probabilities")
+    parser.add_argument(
+        "--report", type=output_path, metavar="R.json", help="also write features, points and probabilities"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -119,7 +123,7 @@ def _run_drawing(options: argparse.Namespace) -> int:
     try:
         found, sketches = read_drawing(session.model, options.strokes, camera, relative, line.progress)
         add_sketches(session, sketches, options.strokes.name)
-        session.wait(timeout=600.0)
+        session.wait()
     finally:
         line.clear()
     seconds = time.perf_counter() - began

@@ -132,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
         _write(options.output, options.target, target, result, line, options)
     finally:
         line.clear()
-    content = f"{counted(len(result), 'frame')}" if len(result) > 1 else "pose"
+    content = counted(len(result), "frame") if len(result) > 1 else "pose"
     print(f"{options.output} written: {content} by {options.method}, {spent:.1f} ms per frame")
     return 0
 

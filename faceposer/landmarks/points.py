@@ -95,7 +95,7 @@ def find_all_landmarks(image: ArrayLike) -> list[Landmarks]:
     Turned or dark faces are looked for only if there are no others.
 
     Raises:
-        ValueError: If the image is not as `find_landmarks` wants it.
+        ValueError: If the image is not as ``find_landmarks`` needs it.
     """
     picture = Picture(image)
     candidates = [_found_in(picture, face.square) for face in all_faces(picture)]
@@ -105,7 +105,7 @@ def find_all_landmarks(image: ArrayLike) -> list[Landmarks]:
         if not any(_same_face(face, other) for other in kept):
             kept.append(face)
     if not kept:
-        only = find_landmarks(image)
+        only = likely_landmarks(picture)
         kept = [] if only is None else [only]
     return sorted(kept, key=lambda face: -float(np.prod(face.box[2:] - face.box[:2])))
 

@@ -75,7 +75,7 @@ def add_strokes(
     for i, stroke in enumerate(strokes):
         progress.at("Sketching", i / len(strokes))
         found.append(add_stroke(session, stroke, recognition)[0])
-        session.wait(timeout=600.0)
+        session.wait()
     return tuple(found)
 
 

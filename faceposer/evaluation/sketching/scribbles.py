@@ -5,6 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.sketch.polyline import evenly
+
 Array = NDArray[np.float64]
 
 
@@ -87,7 +89,5 @@ def scribble(kind: str, middle: Array, spread: float, rng: np.random.Generator) 
     angle = rng.uniform(0.0, np.pi) if kind == "line" else rng.normal(0.0, 0.3)
     cos, sin = np.cos(angle), np.sin(angle)
     turned = shape @ np.array([[cos, sin], [-sin, cos]])
-    from faceposer.sketch.polyline import evenly
-
     count = max(int(np.hypot(*np.diff(turned, axis=0).T).sum() / 6.0), 2)
     return np.asarray(evenly(turned, count) + middle + rng.normal(0.0, spread, 2))
