@@ -216,12 +216,11 @@ def _label(element: Element) -> str:
 
 def _plural(noun: str) -> str:
     first, space, rest = noun.partition(" ")
-    kinds = {"object", "clone", "invisible", "hidden"}
     if noun == "hidden layer or object":
         return "hidden layers or objects"
     if noun == "invisible object":
         return "invisible objects"
-    return f"{first}s{space}{rest}" if first in kinds else f"{noun}s"
+    return f"{first}s{space}{rest}" if first in {"object", "clone"} else f"{noun}s"
 
 
 def _zero(opacity: str | None) -> bool:
