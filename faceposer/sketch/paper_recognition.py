@@ -28,6 +28,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.plausibility import objection
 from faceposer.sketch.point_mixture import DEPTH_ERROR, PointMixture, Rays
+from faceposer.sketch.polyline import evenly
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 from faceposer.sketch.visible_surface import VisibleSurface
@@ -96,7 +97,7 @@ class PaperRecogniser:
         reason = objection(stroke, self._character, feature is not None)
         if not self._chains or reason:
             return Recognition((), False, reason)
-        pixels = resampled(stroke.pixels, _SAMPLES)
+        pixels = evenly(stroke.pixels, _SAMPLES)
         rays = Rays.through(stroke.camera, pixels)
         surface = self._surface.under(stroke.camera, pixels, pose)
         across, along = self.mixture.log_parts(rays, surface, self._depth_error)
@@ -174,14 +175,6 @@ class PaperRecogniser:
         missing = len(chain.names) - len(visited)
         points = (float(matched.sum()) + missing * self._log_background) / len(chain.names)
         return 0.5 * (points + between) - self._log_background
-
-
-def resampled(pixels: Array, count: int) -> Array:
-    """Return ``count`` points evenly spaced along the polyline ``pixels``, shape (n, 2)."""
-    steps = np.hypot(*np.diff(pixels, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    places = np.linspace(0.0, along[-1], count)
-    return np.stack([np.interp(places, along, axis) for axis in pixels.T], axis=1)
 
 
 def _chain(feature: str, names: tuple[str, ...]) -> _Chain:

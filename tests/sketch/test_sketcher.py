@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.feature_curves import FEATURES
+from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS
 from faceposer.sketch import sketcher as sketching
 from faceposer.sketch.leave_out import Sizes, observed
 from faceposer.sketch.paper_pose import PaperPose
@@ -15,7 +15,7 @@ from faceposer.sketch.paper_recognition import PaperRecogniser
 from faceposer.sketch.ppca import PPCAMixture
 from faceposer.sketch.sketcher import Sketcher, sketcher_of
 from faceposer.sketch.training_poses import TrainingPoses
-from tests.sketch.drawing import camera_of, knots, matched, mirrored_camera, mirrored_names, moved_world, stroke_along
+from tests.sketch.drawing import camera_of, knots, matched, mirrored_camera, moved_world, stroke_along
 
 _EIGHT = (
     *("left brow", "right brow", "outer upper lip", "outer lower lip"),
@@ -158,7 +158,7 @@ def test_modes_of_examples_can_be_sketched(creature: FaceModel) -> None:
 
 
 def test_mirrored_input_gives_the_mirrored_face(low: FaceModel) -> None:
-    names, mirror = mirrored_names(), np.diag([-1.0, 1.0, 1.0])
+    names, mirror = MIRRORED_POINTS, np.diag([-1.0, 1.0, 1.0])
     world = moved_world(low, mirror, names)
     sizes = Sizes(2, 12, 2, 40)
     fitted = [PaperPose.fit(TrainingPoses.of(m, 120), m.character.height, sizes) for m in (low, world)]
