@@ -139,7 +139,7 @@ def recognise_drawing(
         maps = by_statistics(features, found.by_feature())
         if rest is not None:
             maps = {**maps, **by_neutral(features, rest.by_feature())}
-    recognised = _recognised(sketcher, features, strokes, found, maps, relative, rest is not None, progress)
+    recognised = _recognised(sketcher, features, strokes, found, maps, relative, progress)
     a, b = found.theta[:2]
     kind = ("drawn" if rest is not None else "assumed") if relative else "off"
     scale = float(np.hypot(a, b)) * features.unit / _normalisation(strokes)[1]
@@ -153,7 +153,6 @@ def _recognised(
     found: _Aligned,
     maps: Mapping[str, GroupMap],
     relative: bool,
-    drawn_neutral: bool,
     progress: Progress,
 ) -> tuple[RecognisedStroke, ...]:
     of_stroke = {stroke: name for name, stroke in found.features.items()}
@@ -163,9 +162,9 @@ def _recognised(
         name = of_stroke.get(i)
         line = similar(found.lines[i], found.theta)
         group = None if name is None else next(g for g, names in GROUPS.items() if name in names)
-        left_out = (group in NEED_NEUTRAL and relative and not drawn_neutral) or (
-            name == "outer lower lip" and _is_shadow(found)
-        )
+        # Only a neutral face that has the feature, too, tells its proportions.
+        unknown = relative and group in NEED_NEUTRAL and group not in maps
+        left_out = unknown or (name == "outer lower lip" and _is_shadow(found))
         if group is not None and group in maps:
             line = maps[group](line)
         drawn = DrawnStroke(features.pixels(line), features.camera, None if name == NOSE_BASE else name)
