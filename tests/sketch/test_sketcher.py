@@ -1,5 +1,7 @@
 """The sketcher of a character: what it fits, the paper's pose, and its use by several threads."""
 
+import gc
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -126,6 +128,17 @@ def test_sketchers_are_kept_per_model_and_library(low: FaceModel) -> None:
     pose = low.coefficients_of({"jawOpen": 1.0})
     assert sketcher_of(low, [pose]) is sketcher_of(low, [pose.copy()])
     assert sketcher_of(low, [pose]) is not sketcher_of(low)
+
+
+def test_models_that_are_left_are_given_up(low: FaceModel) -> None:
+    model = replace(low)
+    sketcher_of(model)
+    left = weakref.ref(model)
+    others = [replace(low) for _ in range(4)]
+    del model
+    assert all(sketcher_of(other).model is other for other in others)
+    gc.collect()
+    assert left() is None
 
 
 @pytest.mark.parametrize("kept", [("4.",), ("2.", "8."), ()])
