@@ -9,8 +9,7 @@ The paper names feature points only. Here a path is sought in each feature on it
 features are all but impossible, the best of these paths is the paper's, and the others are the runners-up.
 
 As printed, staying at a feature point (path length 0) costs as much as skipping one (2), exp(-5.6) with sigma_s = 0.3,
-although strokes have more points than features: paths alternate between neighbours. ``stay=True`` makes staying as
-cheap as stepping.
+although strokes have more points than features: paths alternate between neighbours.
 
 Responsibilities saturate: of many stroke points that belong to a feature point almost certainly, the one of highest
 emission is that farthest from all others, not that nearest to its mean. It is about as good for the pose.
@@ -67,25 +66,23 @@ class _Chain:
 class PaperRecogniser:
     """Recognition by a hidden Markov model over the feature points of one character."""
 
-    def __init__(self, model: FaceModel, training: TrainingPoses, stay: bool = False, em_rounds: int = 0) -> None:
+    def __init__(self, model: FaceModel, training: TrainingPoses) -> None:
         """Fit the mixture over feature points.
 
         Args:
             model: The character's model, whose surface gives the first estimate of depth.
             training: Training poses.
-            stay: True if staying at a feature point costs no more than stepping; False for equation (5) as printed.
-            em_rounds: Greatest number of rounds of EM; see ``PointMixture.fit``.
         """
         height = model.character.height
         names = training.drawable
         points = training.points[:, [training.index[name] for name in names]]
-        self.mixture = PointMixture.fit(points, names, _POINT_ERROR * height, em_rounds)
+        self.mixture = PointMixture.fit(points, names, _POINT_ERROR * height)
         self._surface = VisibleSurface(model, training)
         self._character = model.character
         self._depth_error = DEPTH_ERROR * height
         self._log_background = -float(np.log(_FACE_AREA * height**2))
         self._chains = tuple(_chain(feature, names) for feature in training.features)
-        self._transitions = _log_transitions(names, stay)
+        self._transitions = _log_transitions(names)
 
     def recognise(
         self, stroke: DrawnStroke, pose: Array, others: Sequence[DrawnStroke] = (), feature: str | None = None
@@ -205,12 +202,9 @@ def path_lengths(names: tuple[str, ...]) -> Array:
     return lengths
 
 
-def _log_transitions(names: tuple[str, ...], stay: bool) -> Array:
+def _log_transitions(names: tuple[str, ...]) -> Array:
     """Return ln p(z_j | z_i) of equation (5), normalised over j, shape (F, F)."""
-    lengths = path_lengths(names)
-    if stay:
-        np.fill_diagonal(lengths, 1.0)
-    energies = -0.5 * ((lengths - 1.0) / SIGMA_S) ** 2
+    energies = -0.5 * ((path_lengths(names) - 1.0) / SIGMA_S) ** 2
     return np.asarray(energies - np.logaddexp.reduce(energies, axis=1)[:, None])
 
 
