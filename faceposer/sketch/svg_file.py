@@ -28,7 +28,8 @@ _LABEL = "http://www.inkscape.org/namespaces/inkscape label"
 _HREF = ("href", "http://www.w3.org/1999/xlink href")
 # Elements that are not shown where they are defined, and elements that are not lines.
 _DEFINITIONS = {"defs", "clipPath", "mask", "marker", "pattern", "symbol", "linearGradient", "radialGradient", "filter"}
-_SILENT = {"title", "desc", "metadata", "style", "script", "switch"}
+_SILENT = {"title", "desc", "metadata", "style", "script"}
+_CONDITIONS = {"requiredExtensions", "systemLanguage"}
 _NOUNS = {"text": "text", "image": "image", "rect": "rectangle", "foreignObject": "foreign object"}
 
 
@@ -141,6 +142,11 @@ class _Reader:
             return
         if tag in {"svg", "g", "a"}:
             for child in element.children:
+                self._walk(child, inner)
+        elif tag == "switch":
+            # The first alternative that needs no extension and no language, as Illustrator wraps drawings.
+            shown = [child for child in element.children if not _CONDITIONS & set(child.attributes)]
+            for child in shown[:1]:
                 self._walk(child, inner)
         elif tag == "use":
             self._clone(element, inner)

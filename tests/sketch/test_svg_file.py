@@ -98,6 +98,16 @@ def test_a_hidden_neutral_layer_is_read(tmp_path: Path) -> None:
     assert (first.neutral, second.neutral) == (True, False)
 
 
+def test_a_switch_shows_the_alternative_without_conditions(tmp_path: Path) -> None:
+    body = (
+        '<switch><foreignObject requiredExtensions="http://ns.adobe.com/AdobeIllustrator/10.0/"/>'
+        '<g fill="none" stroke="#000"><path d="M0 0L1 0"/></g><g fill="none" stroke="#000"><path d="M0 0L2 0"/></g>'
+        "</switch>"
+    )
+    (stroke,) = read(tmp_path, body).strokes
+    np.testing.assert_allclose(stroke.points, [(0, 0), (1, 0)])
+
+
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     body = (
         f"{LINE}<text>a</text><text>b</text><image href='http://x/y.png'/><rect width='9' height='9'/>"
