@@ -35,8 +35,9 @@ from faceposer.model.framing import face_view
 from faceposer.render.offscreen import render_character
 from faceposer.resources import fonts_folder
 from faceposer.session.sketching import library_poses, sketch_of
-from faceposer.sketch.paper_recognition import PaperRecogniser, resampled
+from faceposer.sketch.paper_recognition import PaperRecogniser
 from faceposer.sketch.point_mixture import DEPTH_ERROR, Rays
+from faceposer.sketch.polyline import evenly
 from faceposer.sketch.recognition import DrawnStroke
 from faceposer.sketch.sketcher import Sketcher
 from faceposer.sketch.training_poses import FEW_POSES
@@ -156,7 +157,7 @@ def figure_3(figures: Figures) -> Image.Image:
     assert isinstance(recogniser, PaperRecogniser)
     artist = figures.artist(figures.model.coefficients_of(SMILE), camera)
     true = artist.draw("outer upper lip", HandErrors(), np.random.default_rng(4))
-    pixels = resampled(true.stroke.pixels, 32)
+    pixels = evenly(true.stroke.pixels, 32)
     rays = Rays.through(camera, pixels)
     height = figures.model.character.height
     surface = VisibleSurface(figures.model, figures.sketcher.training).under(camera, pixels, figures.model.neutral())

@@ -65,8 +65,13 @@ def _face_of(character: Character) -> tuple[Array, float]:
     names = sorted({name for feature in FEATURES.values() for name in feature.points if name in known})
     vertices = character.vertices.astype(np.float64)
     places = vertices[[known[name] for name in names]] if names else vertices
+    return places, face_height(character, places)
+
+
+def face_height(character: Character, places: Array) -> float:
+    """Return the height of the face from its frame, else from ``places`` of its features, shape (n, 3)."""
     frame = face_frame(character)
     if frame is not None:
-        return places, float(np.linalg.norm(frame.hairline - frame.chin))
-    size = 1.5 * float(np.ptp(places[:, 1]))
-    return places, size if size > 1e-3 * character.height else float(character.height)
+        return float(np.linalg.norm(frame.hairline - frame.chin))
+    size = 1.5 * float(np.ptp(places[:, 1])) if len(places) else 0.0
+    return size if size > 1e-3 * character.height else float(character.height)

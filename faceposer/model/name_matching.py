@@ -4,6 +4,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.model.character import ARKIT_SHAPES
@@ -161,7 +162,7 @@ def match_with_ties(names: Iterable[str]) -> NameMatch:
     readings = {_BARE: bare, **_accepted(given, bare)}
     order = sorted(readings, key=lambda affix: (-len(set(readings[affix].values())), affix != _BARE, affix.cost))
     chosen: dict[str, str] = {}
-    used: list[Affix] = []
+    used: dict[Affix, dict[str, str]] = {}
     for affix in order:
         reading = readings[affix]
         found = set(chosen.values())
@@ -169,7 +170,8 @@ def match_with_ties(names: Iterable[str]) -> NameMatch:
         if affix == _BARE or not found.intersection(reading.values()):
             added = {name: shape for name, shape in reading.items() if shape not in found and name not in chosen}
             chosen |= added
-            used += [affix] if added else []
+            if added and affix != _BARE:
+                used[affix] = added
     alternates = {name: shape for affix in order for name, shape in readings[affix].items() if name not in chosen}
     alternates = {name: shape for name, shape in alternates.items() if shape in set(chosen.values())}
     ties, dropped = _decide(chosen)
@@ -285,21 +287,18 @@ def _style(name: str) -> tuple[str, ...]:
     return re.sub(r"\d+", "#", scope), case, separators, length
 
 
-def _note(used: list[Affix], chosen: dict[str, str], alternates: dict[str, str]) -> str:
-    """Return the sentence about names that are not read to the letter, or are not used."""
+def _note(used: dict[Affix, dict[str, str]], chosen: dict[str, str], alternates: dict[str, str]) -> str:
+    """Return the sentence about names that are not read to the letter, by their affix, or are not used."""
     parts = []
-    affixes = [affix for affix in used if affix != _BARE]
-    for affix in affixes[:_MOST_NOTED]:
-        own = [name for name, shape in chosen.items() if (affix, shape) in _cuts(name)]
+    for affix, names in islice(used.items(), _MOST_NOTED):
+        own = [name for name in names if name in chosen]
         if own:
             parts.append(
                 f"names such as '{own[0][:60]}' are read without their {affix}, which finds "
                 f"{counted(len({chosen[name] for name in own}), 'shape', 'shapes')} of ARKit"
             )
-    if len(affixes) > _MOST_NOTED:
-        parts.append(
-            f"{counted(len(affixes) - _MOST_NOTED, 'further affix is', 'further affixes are')} left out likewise"
-        )
+    if len(used) > _MOST_NOTED:
+        parts.append(f"{counted(len(used) - _MOST_NOTED, 'further affix is', 'further affixes are')} left out likewise")
     if alternates:
         name, shape = next(iter(alternates.items()))
         plural = len(alternates) > 1
@@ -309,7 +308,3 @@ def _note(used: list[Affix], chosen: dict[str, str], alternates: dict[str, str])
         )
     text = "; ".join(parts)
     return text[:1].upper() + text[1:] + "." if text else ""
-
-
-def _cuts(name: str) -> list[tuple[Affix, str]]:
-    return [] if canonical_shape(name) is not None else list(_inner_shapes(name))

@@ -15,8 +15,6 @@ SPLIT_SHAPES: tuple[str, ...] = (
 )
 #: Shapes that move the face to a side; for all other names, a side at the end is the side of the face.
 _SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
-#: Maximum length of a name that is compared with ARKit's.
-_LONGEST_NAME = 256
 #: Short forms of the sides.
 _SHORT_SIDES = {"left": ("l", "lf", "lft", "lt"), "right": ("r", "rt", "rgt")}
 _SEPARATORS = re.compile(r"[\W_]+")

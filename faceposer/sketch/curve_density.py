@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
+from faceposer.model.face_in_view import face_height
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, FeatureCurve, feature_curves
 
@@ -104,7 +105,7 @@ class FeatureRows:
             begin = end
         neutral = np.concatenate(neutrals)
         gaps, slices = _gaps(curves, gathered, model.n_coefficients)
-        size = _face_size(model, neutral)
+        size = face_height(model.character, neutral)
         middle = 0.5 * (neutral.min(axis=0) + neutral.max(axis=0)) if len(neutral) else np.zeros(3)
         return cls(
             tracks, np.concatenate(jacobians), neutral, _mean_normals(model, neutral), gaps, slices, size, middle
@@ -146,16 +147,6 @@ def _at(parameters: Array, known: Array, values: Array) -> Array:
     share = (parameters - known[index - 1]) / np.maximum(known[index] - known[index - 1], 1e-12)
     share = share.reshape(-1, *[1] * (values.ndim - 1))
     return np.asarray((1.0 - share) * values[index - 1] + share * values[index])
-
-
-def _face_size(model: FaceModel, neutral: Array) -> float:
-    """Return the height of the face, from the character's frame or its features."""
-    from faceposer.model.framing import face_frame
-
-    frame = face_frame(model.character)
-    if frame is not None:
-        return float(np.linalg.norm(frame.hairline - frame.chin))
-    return float(np.ptp(neutral[:, 1])) * 1.5 if len(neutral) else float(model.character.height)
 
 
 def _mean_normals(model: FaceModel, places: Array) -> Array:

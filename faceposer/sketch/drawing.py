@@ -1,7 +1,7 @@
 """Whole drawings: all strokes recognised together, aligned to a face, and freed from the drawing's proportions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +139,7 @@ def recognise_drawing(
         maps = by_statistics(features, found.by_feature())
         if rest is not None:
             maps = {**maps, **by_neutral(features, rest.by_feature())}
-    recognised = _recognised(sketcher, features, strokes, found, maps, relative, rest is not None, progress)
+    recognised = _recognised(sketcher, features, strokes, found, maps, relative, progress)
     a, b = found.theta[:2]
     kind = ("drawn" if rest is not None else "assumed") if relative else "off"
     scale = float(np.hypot(a, b)) * features.unit / _normalisation(strokes)[1]
@@ -153,7 +153,6 @@ def _recognised(
     found: _Aligned,
     maps: Mapping[str, GroupMap],
     relative: bool,
-    drawn_neutral: bool,
     progress: Progress,
 ) -> tuple[RecognisedStroke, ...]:
     of_stroke = {stroke: name for name, stroke in found.features.items()}
@@ -163,9 +162,9 @@ def _recognised(
         name = of_stroke.get(i)
         line = similar(found.lines[i], found.theta)
         group = None if name is None else next(g for g, names in GROUPS.items() if name in names)
-        left_out = (group in NEED_NEUTRAL and relative and not drawn_neutral) or (
-            name == "outer lower lip" and _is_shadow(found)
-        )
+        # Only a neutral face that has the feature, too, tells its proportions.
+        unknown = relative and group in NEED_NEUTRAL and group not in maps
+        left_out = unknown or (name == "outer lower lip" and _is_shadow(found))
         if group is not None and group in maps:
             line = maps[group](line)
         drawn = DrawnStroke(features.pixels(line), features.camera, None if name == NOSE_BASE else name)
@@ -216,7 +215,7 @@ class _Aligner:
         lines = [(stroke.points - middle) / size for stroke in strokes]
         known = {i: stroke.feature for i, stroke in enumerate(strokes) if stroke.feature is not None}
         evidence = self._evidence(lines, known)
-        starts = aligned(evidence, 1.0, progress)
+        starts = aligned(evidence, progress)
         fitted = [(*self._joint.fitted(evidence, start, found.features), found) for start, found in starts]
         fitted.sort(key=lambda item: -item[1])
         best: tuple[Array, Assignment] | None = None
@@ -239,15 +238,15 @@ class _Aligner:
             )
         if theta is None:
             theta = _settled(best[0], lines, best[1].features, self._features.neutral)
-        best = theta, best[1]
-        lines, joined, best = self._with_pieces(lines, known, best)
+        features = best[1].features
+        lines, joined = self._with_pieces(lines, known, theta, features)
         evidence = self._evidence(lines, known)
         probabilities = {}
-        for name, i in best[1].features.items():
-            among = self._joint.alternatives(evidence, best[0], best[1].features, i)
+        for name, i in features.items():
+            among = self._joint.alternatives(evidence, theta, features, i)
             other = next(((n, p) for n, p in among if n not in {None, name, NOSE_BASE} and p > _LEAST), None)
             probabilities[i] = dict(among).get(name, 1.0), None if other is None else (str(other[0]), other[1])
-        return _Aligned(tuple(lines), best[0], best[1].features, probabilities, joined)
+        return _Aligned(tuple(lines), theta, features, probabilities, joined)
 
     def _evidence(self, lines: Sequence[Array], known: Mapping[int, str]) -> StrokeEvidence:
         density = {
@@ -259,15 +258,17 @@ class _Aligner:
         return StrokeEvidence(lines, density, self._features.closed, self._nothing, known)
 
     def _with_pieces(
-        self, lines: Sequence[Array], known: Mapping[int, str], best: tuple[Array, Assignment]
-    ) -> tuple[list[Array], dict[int, int], tuple[Array, Assignment]]:
-        """Return the lines with pieces of one feature joined, if that is more probable than one piece alone."""
+        self, lines: Sequence[Array], known: Mapping[int, str], theta: Array, features: Mapping[str, int]
+    ) -> tuple[list[Array], dict[int, int]]:
+        """Return the lines with pieces of one feature joined, if that is more probable than one piece alone.
+
+        The second result is the index of the line that each joined piece continues.
+        """
         lines, joined = list(lines), {}
-        theta, assignment = best
         for i in range(len(lines)):
-            if i in assignment.features.values() or is_closed(lines[i]):
+            if i in features.values() or is_closed(lines[i]):
                 continue
-            for feature, j in assignment.features.items():
+            for feature, j in features.items():
                 whole = None if is_closed(lines[j]) or feature == NOSE_BASE else _end_to_end(lines[j], lines[i])
                 if whole is None:
                     continue
@@ -278,7 +279,7 @@ class _Aligner:
                 if after > before:
                     lines[j], joined[i] = whole, j
                     break
-        return lines, joined, (theta, replace(assignment))
+        return lines, joined
 
 
 def _settled(theta: Array, lines: Sequence[Array], features: Mapping[str, int], neutral: Mapping[str, Array]) -> Array:

@@ -82,12 +82,12 @@ class StrokeEvidence:
             for samples in variants:
                 rows.append(samples)
                 strokes.append(i)
-                allowed.append([self._may_be(name, closed[name] == is_closed, known.get(i)) for name in self.names])
+                wanted = known.get(i)
+                allowed.append([closed[n] == is_closed if wanted is None else n == wanted for n in self.names])
         self.stroke = np.array(strokes, dtype=np.intp)
         self.allowed = np.array(allowed, dtype=bool).reshape(len(rows), len(self.names))
         self.samples = np.stack(rows)
         moves = np.stack([stroke_moves(samples) for samples in rows])
-        self.dimensions = DIMENSIONS
         self._widths = np.array([np.ptp(gaussian.mean.reshape(-1, 2)[:, 0]) for gaussian in density.values()])
         systems, rights, constants = [], [], []
         for gaussian in density.values():
@@ -104,17 +104,13 @@ class StrokeEvidence:
         quadratic = -0.5 * self.systems[..., a, b] * np.where(a == b, 1.0, 2.0) / _TEMPERATURE
         self._coefficients = np.concatenate([quadratic, self.rights / _TEMPERATURE, constant[..., None]], axis=-1)
 
-    @staticmethod
-    def _may_be(name: str, fits: bool, known: str | None) -> bool:
-        return fits if known is None else name == known
-
     def ratios(self, thetas: Array) -> Array:
         """Return the log ratios under each of ``thetas``, (h, 4): shape (h, rows, features), -inf where excluded."""
         i, j = np.triu_indices(4)
         monomials = np.concatenate([thetas[:, i] * thetas[:, j], thetas, np.ones((len(thetas), 1))], axis=1)
         flat = monomials @ self._coefficients.reshape(-1, 15).T
         ratios = flat.reshape(len(thetas), *self.allowed.shape)
-        ratios += (self.dimensions / _TEMPERATURE * log_size(thetas))[:, None, None]
+        ratios += (DIMENSIONS / _TEMPERATURE * log_size(thetas))[:, None, None]
         ratios[:, ~self.allowed] = -np.inf
         return ratios
 
@@ -131,17 +127,17 @@ class StrokeEvidence:
         np.maximum.at(found, self.stroke, ratios)
         return found
 
-    def proposals(self, seed: int) -> Array:
+    def proposals(self) -> Array:
         """Return similarities by which one stroke, or a pair of strokes, is a feature, or a pair; shape (h, 4)."""
         rows = np.arange(len(self.stroke))
         if self.count > _PROPOSING:
-            chosen = np.random.default_rng(seed).permutation(self.count)[:_PROPOSING]
+            chosen = np.random.default_rng(0).permutation(self.count)[:_PROPOSING]
             rows = rows[np.isin(self.stroke, chosen)]
         spans = np.maximum(np.linalg.norm(np.ptp(self.samples, axis=1), axis=1), 1e-9)
         found = []
         row, feature = np.nonzero(self.allowed[rows])
         row = rows[row]
-        found.append(solved(self.systems[row, feature], self.rights[row, feature], self.dimensions))
+        found.append(solved(self.systems[row, feature], self.rights[row, feature], DIMENSIONS))
         index = {name: i for i, name in enumerate(self.names)}
         for pair in _PAIRED:
             left, right = index.get(f"left {pair}"), index.get(f"right {pair}")
@@ -152,7 +148,7 @@ class StrokeEvidence:
             apart = (self.stroke[a] != self.stroke[b]) & (ratio < 1.8) & (ratio > 1.0 / 1.8)
             a, b = a[apart], b[apart]
             systems = self.systems[a, left] + self.systems[b, right]
-            found.append(solved(systems, self.rights[a, left] + self.rights[b, right], 2 * self.dimensions))
+            found.append(solved(systems, self.rights[a, left] + self.rights[b, right], 2 * DIMENSIONS))
         return np.concatenate(found)
 
     def refined(self, theta: Array) -> Array:
@@ -176,7 +172,7 @@ class StrokeEvidence:
         """Return the similarity that suits the assignment with these ``shares``, (rows, features)."""
         system = np.einsum("rf,rfab->ab", shares, self.systems)
         right = np.einsum("rf,rfa->a", shares, self.rights)
-        return solved(system[None], right[None], float(shares.sum()) * self.dimensions)[0]
+        return solved(system[None], right[None], float(shares.sum()) * DIMENSIONS)[0]
 
     def rows_of(self, features: Mapping[str, int], theta: Array) -> dict[str, int]:
         """Return the row of each stroke of ``features`` whose order of samples suits it best under ``theta``."""
@@ -195,18 +191,14 @@ class StrokeEvidence:
         return self.solved(shares) if shares.any() else theta
 
 
-def aligned(
-    evidence: StrokeEvidence, extent: float, progress: Progress, seed: int = 0
-) -> list[tuple[Array, Assignment]]:
+def aligned(evidence: StrokeEvidence, progress: Progress) -> list[tuple[Array, Assignment]]:
     """Return similarities with assignments of great joint probability, the best first, as if features were independent.
 
     Args:
-        evidence: The evidence of the strokes.
-        extent: Size of the drawing in its own unit.
+        evidence: The evidence of the strokes of a drawing whose size is 1.
         progress: Receives the progress.
-        seed: Seed of the choice among strokes, if there are many.
     """
-    thetas = _distinct(_plausible(evidence.proposals(seed), extent))
+    thetas = _distinct(_plausible(evidence.proposals()))
     scores = [np.zeros(0)]
     for i in range(0, len(thetas), _CHUNK):
         progress.at("Aligning the drawing", 0.4 * i / len(thetas))
@@ -216,7 +208,7 @@ def aligned(
     found = []
     for i, theta in enumerate(thetas[order]):
         progress.at("Aligning the drawing", 0.4 + 0.3 * i / len(order))
-        for fitted in _plausible(evidence.refined(theta)[None], extent):
+        for fitted in _plausible(evidence.refined(theta)[None]):
             found.append((fitted, assigned(evidence.by_stroke(fitted), evidence.names)))
     found.sort(key=lambda pair: -pair[1].score)
     kept: list[tuple[Array, Assignment]] = []
@@ -297,9 +289,9 @@ def solved(systems: Array, rights: Array, dimensions: float) -> Array:
     return thetas
 
 
-def _plausible(thetas: Array, extent: float) -> Array:
-    """Return those of ``thetas`` that hardly turn a drawing of size ``extent`` and make it as large as a face."""
-    size = np.hypot(thetas[:, 0], thetas[:, 1]) * extent
+def _plausible(thetas: Array) -> Array:
+    """Return those of ``thetas`` that hardly turn a drawing whose size is 1 and make it about as large as a face."""
+    size = np.hypot(thetas[:, 0], thetas[:, 1])
     turn = np.abs(np.arctan2(thetas[:, 1], thetas[:, 0]))
     return thetas[np.isfinite(thetas).all(axis=1) & (size > _SMALLEST) & (size < _LARGEST) & (turn < _STEEPEST)]
 

@@ -20,9 +20,7 @@ Array = NDArray[np.float64]
 NOSE_BASE = "nose base"
 #: Errors of a hand that draws another person's face, in units of the hand; see ``HandModel``.
 LOOSE = HandModel(shift=34.0, jitter=11.0, smoothness=0.3, tremor=4.0, ends=0.1, slide=0.08, size=0.24, turn=0.16)
-#: The same once the proportions of the drawing are known.
-NEAR = HandModel(shift=20.0, jitter=9.0, smoothness=0.3, tremor=3.0, ends=0.08, slide=0.07, size=0.15, turn=0.12)
-#: Standard deviation of a stroke that depicts nothing: of its middle, and of its points about it, in units of the hand.
+# Standard deviation of a stroke that depicts nothing: of its middle, and of its points about it, in units of the hand.
 _PLACE, _EXTENT = 230.0, 100.0
 # Standard deviation of the relative height of the outline of an eye.
 _ROUND = 2.0
@@ -104,10 +102,7 @@ class ViewedFeatures:
         for name in self.names:
             flat = self.poses[name].reshape(len(self.poses[name]), -1)
             mean = flat.mean(axis=0)
-            slack = hand.slack(mean.reshape(1, SAMPLES, 2))[0].reshape(2 * SAMPLES, -1)
-            slack = np.concatenate(
-                [slack, drawn_freely(name, mean.reshape(SAMPLES, 2)).reshape(2 * SAMPLES, -1)], axis=1
-            )
+            slack = slack_of(name, mean.reshape(SAMPLES, 2), hand).reshape(2 * SAMPLES, -1)
             covariance = (
                 np.asarray(np.cov(flat.T), dtype=np.float64) + np.kron(hand.covariance, np.eye(2)) + slack @ slack.T
             )
@@ -119,7 +114,15 @@ class ViewedFeatures:
         return points * self.unit + self.middle
 
 
-def drawn_freely(name: str, mean: Array) -> Array:
+def slack_of(name: str, mean: Array, hand: HandModel) -> Array:
+    """Return the directions of errors of ``hand``, and those in which artists draw the feature ``name`` freely.
+
+    They are scaled to their standard deviations, shape (SAMPLES, 2, k), for the samples ``mean``, shape (SAMPLES, 2).
+    """
+    return np.concatenate([hand.slack(mean[None])[0], _drawn_freely(name, mean)], axis=-1)
+
+
+def _drawn_freely(name: str, mean: Array) -> Array:
     """Return directions in which artists draw a feature unlike any face, by their standard deviations.
 
     Outlines of eyes and open mouths are rounder, and a lower lip is often a short line below the mouth.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.sketch.curve_density import FACE_SIZE, FeatureRows
 from faceposer.sketch.openness import OPEN
-from faceposer.sketch.polyline import lengths_along
+from faceposer.sketch.outlines import is_closed
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def habits_of(
         on_line = _on_line(samples, *(line(name) for name in mouth))
         found["mouth line"] = on_line * (_LINE_AFTER_LIPS if set(FAMILIES[0]) & set(drawn) else _LINE)
         found["inner upper lip"] = found["inner lower lip"] = _INNER
-    if _is_closed(samples):
+    if is_closed(samples, _CLOSED):
         for name in ("mouth outline", "left eye outline", "right eye outline"):
             if name in rows.tracks and _surrounds(samples, line(name)):
                 found[name] = _LOOP
@@ -120,11 +120,6 @@ def _on_line(samples: Array, middle: Array, lower: Array, upper: Array) -> float
     share = abs(offset) / max(abs(edge), _LEAST_LIP)
     on, off = _LOWER if offset > 0.0 else _UPPER
     return float(np.clip((off - share) / (off - on), 0.0, 1.0))
-
-
-def _is_closed(samples: Array) -> bool:
-    """Return True if a stroke ends about where it begins."""
-    return bool(np.hypot(*(samples[-1] - samples[0])) < _CLOSED * lengths_along(samples)[-1])
 
 
 def _surrounds(samples: Array, outline: Array) -> bool:

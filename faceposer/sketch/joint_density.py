@@ -16,14 +16,13 @@ from faceposer.sketch.drawing_alignment import (
     solved,
     stroke_moves,
 )
-from faceposer.sketch.feature_templates import NOSE_BASE, Gaussian, ViewedFeatures, drawn_freely, no_feature
+from faceposer.sketch.feature_templates import NOSE_BASE, Gaussian, ViewedFeatures, no_feature, slack_of
 from faceposer.sketch.hand import SAMPLES, HandModel
 
 Array = NDArray[np.float64]
 
 # Samples of a stroke that are used.
 _USED = np.linspace(0, SAMPLES - 1, 8).round().astype(np.intp)
-# Errors of the hand beside those of proportions, in units of the hand.
 # Features that lie below each other in every face, and the log odds against a drawing in which two do not.
 _ORDERS = (
     *(tuple(f"{side} {part}" for part in ("brow", "upper lid", "lower lid")) for side in ("left", "right")),
@@ -38,6 +37,7 @@ _ONE_SIDED = 4.0
 _NO_MOUTH = 6.0
 # Standard deviation of the rotation of a drawing, in radians, and of the logarithm of its scale.
 _TILT, _SCALE = 0.12, 0.5
+# Errors of the hand beside those of proportions, in units of the hand.
 _HAND = HandModel(shift=10.0, jitter=9.0, smoothness=0.3, tremor=4.0, ends=0.1, slide=0.08, size=0.12, turn=0.1)
 # Expressions of drawings are stronger than those of faces.
 _STRONGER = 1.3
@@ -85,9 +85,7 @@ class JointDensity:
         size = 2 * len(_USED)
         for i, name in enumerate(self.names):
             whole = features.poses[name].mean(axis=0)
-            errors = _HAND.slack(whole[None])[0][_USED].reshape(size, -1)
-            free = drawn_freely(name, whole)[_USED].reshape(size, -1)
-            errors = np.concatenate([errors, free], axis=1)
+            errors = slack_of(name, whole, _HAND)[_USED].reshape(size, -1)
             block = slice(i * size, (i + 1) * size)
             covariance[block, block] += own + errors @ errors.T
         self._mean, self._covariance, self._size = mean.reshape(-1), covariance, size

@@ -9,8 +9,7 @@ The paper names feature points only. Here a path is sought in each feature on it
 features are all but impossible, the best of these paths is the paper's, and the others are the runners-up.
 
 As printed, staying at a feature point (path length 0) costs as much as skipping one (2), exp(-5.6) with sigma_s = 0.3,
-although strokes have more points than features: paths alternate between neighbours. ``stay=True`` makes staying as
-cheap as stepping.
+although strokes have more points than features: paths alternate between neighbours.
 
 Responsibilities saturate: of many stroke points that belong to a feature point almost certainly, the one of highest
 emission is that farthest from all others, not that nearest to its mean. It is about as good for the pose.
@@ -28,6 +27,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES
 from faceposer.sketch.plausibility import objection
 from faceposer.sketch.point_mixture import DEPTH_ERROR, PointMixture, Rays
+from faceposer.sketch.polyline import evenly
 from faceposer.sketch.recognition import Candidate, DrawnStroke, MatchedPoint, Recognition
 from faceposer.sketch.training_poses import TrainingPoses
 from faceposer.sketch.visible_surface import VisibleSurface
@@ -66,25 +66,23 @@ class _Chain:
 class PaperRecogniser:
     """Recognition by a hidden Markov model over the feature points of one character."""
 
-    def __init__(self, model: FaceModel, training: TrainingPoses, stay: bool = False, em_rounds: int = 0) -> None:
+    def __init__(self, model: FaceModel, training: TrainingPoses) -> None:
         """Fit the mixture over feature points.
 
         Args:
             model: The character's model, whose surface gives the first estimate of depth.
             training: Training poses.
-            stay: True if staying at a feature point costs no more than stepping; False for equation (5) as printed.
-            em_rounds: Greatest number of rounds of EM; see ``PointMixture.fit``.
         """
         height = model.character.height
         names = training.drawable
         points = training.points[:, [training.index[name] for name in names]]
-        self.mixture = PointMixture.fit(points, names, _POINT_ERROR * height, em_rounds)
+        self.mixture = PointMixture.fit(points, names, _POINT_ERROR * height)
         self._surface = VisibleSurface(model, training)
         self._character = model.character
         self._depth_error = DEPTH_ERROR * height
         self._log_background = -float(np.log(_FACE_AREA * height**2))
         self._chains = tuple(_chain(feature, names) for feature in training.features)
-        self._transitions = _log_transitions(names, stay)
+        self._transitions = _log_transitions(names)
 
     def recognise(
         self, stroke: DrawnStroke, pose: Array, others: Sequence[DrawnStroke] = (), feature: str | None = None
@@ -96,7 +94,7 @@ class PaperRecogniser:
         reason = objection(stroke, self._character, feature is not None)
         if not self._chains or reason:
             return Recognition((), False, reason)
-        pixels = resampled(stroke.pixels, _SAMPLES)
+        pixels = evenly(stroke.pixels, _SAMPLES)
         rays = Rays.through(stroke.camera, pixels)
         surface = self._surface.under(stroke.camera, pixels, pose)
         across, along = self.mixture.log_parts(rays, surface, self._depth_error)
@@ -176,14 +174,6 @@ class PaperRecogniser:
         return 0.5 * (points + between) - self._log_background
 
 
-def resampled(pixels: Array, count: int) -> Array:
-    """Return ``count`` points evenly spaced along the polyline ``pixels``, shape (n, 2)."""
-    steps = np.hypot(*np.diff(pixels, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    places = np.linspace(0.0, along[-1], count)
-    return np.stack([np.interp(places, along, axis) for axis in pixels.T], axis=1)
-
-
 def _chain(feature: str, names: tuple[str, ...]) -> _Chain:
     """Return the states of ``feature`` among the drawable points ``names``."""
     index = {name: i for i, name in enumerate(names)}
@@ -212,12 +202,9 @@ def path_lengths(names: tuple[str, ...]) -> Array:
     return lengths
 
 
-def _log_transitions(names: tuple[str, ...], stay: bool) -> Array:
+def _log_transitions(names: tuple[str, ...]) -> Array:
     """Return ln p(z_j | z_i) of equation (5), normalised over j, shape (F, F)."""
-    lengths = path_lengths(names)
-    if stay:
-        np.fill_diagonal(lengths, 1.0)
-    energies = -0.5 * ((lengths - 1.0) / SIGMA_S) ** 2
+    energies = -0.5 * ((path_lengths(names) - 1.0) / SIGMA_S) ** 2
     return np.asarray(energies - np.logaddexp.reduce(energies, axis=1)[:, None])
 
 

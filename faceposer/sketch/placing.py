@@ -11,6 +11,7 @@ from faceposer.sketch.hand import HandModel
 from faceposer.sketch.intervals import refined
 from faceposer.sketch.polyline import at_lengths, lengths_along, stroke_line
 from faceposer.sketch.recognition import DrawnStroke, MatchedPoint
+from faceposer.solve.constraints.sketch_matching import distances
 
 Array = NDArray[np.float64]
 
@@ -62,16 +63,7 @@ def placed_points(
             at = (1.0 - place if direction else place) * lengths[-1]
             u, v = at_lengths(points, lengths, [at])[0].tolist()
             matched[names[knot]] = MatchedPoint(names[knot], (u, v), sure)
-    return tuple(matched.values()), _mean_distance(samples, line)
-
-
-def _mean_distance(points: Array, line: Array) -> float:
-    """Return the mean distance of ``points``, shape (n, 2), from a polyline, shape (m, 2)."""
-    begins, steps = line[:-1], np.diff(line, axis=0)
-    offsets = points[:, None] - begins
-    share = (offsets * steps).sum(axis=-1) / np.maximum((steps * steps).sum(axis=-1), 1e-12)
-    offsets -= np.clip(share, 0.0, 1.0)[..., None] * steps
-    return float(np.sqrt((offsets * offsets).sum(axis=-1).min(axis=1)).mean())
+    return tuple(matched.values()), float(distances(samples, line).mean())
 
 
 def _share(knot: float, begin: float, end: float, closed: bool) -> float | None:

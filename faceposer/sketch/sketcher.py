@@ -2,8 +2,8 @@
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Protocol, TypeVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,18 +141,16 @@ class Sketcher:
         return np.asarray(pose * min(1.0, most / max(float(np.linalg.norm(pose)), 1e-300)))
 
 
-_sketchers: "WeakKeyDictionary[FaceModel, dict[tuple[bytes, int, int], Sketcher]]" = WeakKeyDictionary()
-_sketchers_lock = threading.Lock()
-_MOST_LIBRARIES = 2
+_kept_lock = threading.Lock()
 
 
-def sketcher_of(model: FaceModel, library: Sequence[Array] = (), count: int = MANY_POSES, seed: int = 0) -> Sketcher:
-    """Return the sketcher of ``model``, the same for the same arguments; see ``Sketcher``."""
-    key = (b"".join(np.asarray(p, dtype=np.float64).tobytes() for p in library), count, seed)
-    with _sketchers_lock:
-        of_model = _sketchers.setdefault(model, {})
-        found = of_model.pop(key, None) or Sketcher(model, library, count, seed)
-        of_model[key] = found
-        while len(of_model) > _MOST_LIBRARIES:
-            of_model.pop(next(iter(of_model)))
-        return found
+def sketcher_of(model: FaceModel, library: Sequence[Array] = ()) -> Sketcher:
+    """Return the sketcher of ``model``, the same for the same library as long as few others are asked for."""
+    # Threads that ask at the same time get the same sketcher.
+    with _kept_lock:
+        return _kept(model, tuple(np.asarray(p, dtype=np.float64).tobytes() for p in library))
+
+
+@lru_cache(maxsize=4)
+def _kept(model: FaceModel, library: tuple[bytes, ...]) -> Sketcher:
+    return Sketcher(model, [np.frombuffer(pose) for pose in library])

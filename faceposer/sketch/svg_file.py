@@ -28,7 +28,8 @@ _LABEL = "http://www.inkscape.org/namespaces/inkscape label"
 _HREF = ("href", "http://www.w3.org/1999/xlink href")
 # Elements that are not shown where they are defined, and elements that are not lines.
 _DEFINITIONS = {"defs", "clipPath", "mask", "marker", "pattern", "symbol", "linearGradient", "radialGradient", "filter"}
-_SILENT = {"title", "desc", "metadata", "style", "script", "switch"}
+_SILENT = {"title", "desc", "metadata", "style", "script"}
+_CONDITIONS = {"requiredExtensions", "systemLanguage"}
 _NOUNS = {"text": "text", "image": "image", "rect": "rectangle", "foreignObject": "foreign object"}
 
 
@@ -142,6 +143,11 @@ class _Reader:
         if tag in {"svg", "g", "a"}:
             for child in element.children:
                 self._walk(child, inner)
+        elif tag == "switch":
+            # The first alternative that needs no extension and no language, as Illustrator wraps drawings.
+            shown = [child for child in element.children if not _CONDITIONS & set(child.attributes)]
+            for child in shown[:1]:
+                self._walk(child, inner)
         elif tag == "use":
             self._clone(element, inner)
         elif tag in SHAPES:
@@ -216,12 +222,11 @@ def _label(element: Element) -> str:
 
 def _plural(noun: str) -> str:
     first, space, rest = noun.partition(" ")
-    kinds = {"object", "clone", "invisible", "hidden"}
     if noun == "hidden layer or object":
         return "hidden layers or objects"
     if noun == "invisible object":
         return "invisible objects"
-    return f"{first}s{space}{rest}" if first in kinds else f"{noun}s"
+    return f"{first}s{space}{rest}" if first in {"object", "clone"} else f"{noun}s"
 
 
 def _zero(opacity: str | None) -> bool:

@@ -52,7 +52,7 @@ class SvgTree:
     def style(self, element: Element, inherited: Mapping[str, str]) -> dict[str, str]:
         """Return the properties of ``element``, some of them ``inherited``."""
         found = {name: inherited[name] for name in INHERITED if name in inherited}
-        names = ("display", "opacity", "mask", "clip-path", *INHERITED)
+        names = ("display", "opacity", *INHERITED)
         found |= {name: element.attributes[name].strip() for name in names if name in element.attributes}
         for name in element.attributes.get("class", "").split():
             found |= self.classes.get(name, {})

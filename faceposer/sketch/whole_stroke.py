@@ -134,12 +134,10 @@ class WholeStrokeRecogniser:
             return Recognition((), False)
         camera = stroke.camera
         if feature is None:
-            names = self._within_reach(names, samples, np.asarray(pose, dtype=np.float64), camera)
+            names = self._within_reach(names, samples, pose, camera)
         drawn = {other.feature for other in others if other.feature is not None}
-        found = self._found(names, drawn, samples, np.asarray(pose, dtype=np.float64), others, camera)
-        habits = habits_of(
-            self._rows, np.asarray(pose, dtype=np.float64), camera, hand_unit(self._rows, camera), samples, drawn
-        )
+        found = self._found(names, drawn, samples, pose, others, camera)
+        habits = habits_of(self._rows, pose, camera, hand_unit(self._rows, camera), samples, drawn)
         return self._decided(stroke, samples, found, drawn, habits, feature)
 
     def _found(

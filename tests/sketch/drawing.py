@@ -1,5 +1,6 @@
 """Strokes along features of a face, for tests."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,7 +57,7 @@ def matched(model: FaceModel, p: np.ndarray, feature: str, camera: Camera) -> Ma
     return Matched(camera, tuple((name, (u, v)) for name, (u, v) in zip(names, pixels, strict=True)))
 
 
-def moved_world(model: FaceModel, linear: np.ndarray, names: dict[str, str]) -> FaceModel:
+def moved_world(model: FaceModel, linear: np.ndarray, names: Mapping[str, str]) -> FaceModel:
     """Return the model of the character moved by ``linear``, shape (3, 3), with renamed feature points."""
     character = model.character
     turned = linear.astype(np.float32)
@@ -76,18 +77,6 @@ def moved_world(model: FaceModel, linear: np.ndarray, names: dict[str, str]) -> 
         feature_points={name: points[name] for name in character.feature_points},
     )
     return build_face_model(moved)
-
-
-def mirrored_names() -> dict[str, str]:
-    """Return the name of the feature point on the other side for each drawable one."""
-    names: dict[str, str] = {}
-    for feature in FEATURES.values():
-        if feature.mirror != feature.name:
-            names.update(zip(feature.chains[0], FEATURES[feature.mirror].chains[0], strict=True))
-        elif not feature.closed:
-            for chain in feature.chains:
-                names.update(zip(chain, chain[::-1], strict=True))
-    return names
 
 
 def mirrored_camera(camera: Camera) -> Camera:

@@ -1,5 +1,6 @@
 """Whole drawings: the face is found at any place, size and angle, and proportions are no expression."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,19 @@ def test_proportions_are_no_expression_by_a_drawn_neutral(man: FaceModel, camera
         return float(np.mean(gaps))
 
     assert error(found) < 0.5 * error(off)
+
+
+def test_a_jaw_acts_only_if_the_neutral_face_has_one(man: FaceModel, camera: Camera, sketcher: Sketcher) -> None:
+    jaw = SvgStroke(along(man, "jaw line", man.neutral(), camera) + (0.0, 20.0), "jaw", feature="jaw line")
+    faces = [(drawing_of(man, camera, man.coefficients_of(EXPRESSIONS[0])), False)]
+    faces.append((drawing_of(man, camera, man.neutral()), True))
+    strokes = [SvgStroke(s.points, s.name, neutral) for face, neutral in faces for s in face.strokes]
+    for neutral_jaw in (False, True):
+        also = [replace(jaw, neutral=True)] if neutral_jaw else []
+        found = recognise_drawing(sketcher, SvgDrawing((*strokes, jaw, *also)), camera)
+        (stroke,) = [s for s in found.strokes if s.name == "jaw"]
+        assert (stroke.candidate is not None) == neutral_jaw
+        assert stroke.only_aligns != neutral_jaw
 
 
 def test_assumed_neutral_keeps_large_eyes_from_surprise(man: FaceModel, camera: Camera, sketcher: Sketcher) -> None:

@@ -5,11 +5,12 @@ import pytest
 
 from faceposer.geometry.alignment import Similarity
 from faceposer.model.face_model import FaceModel
-from faceposer.model.feature_curves import FEATURES
-from faceposer.sketch.paper_recognition import FAR, PaperRecogniser, path_lengths, resampled
+from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS
+from faceposer.sketch.paper_recognition import FAR, PaperRecogniser, path_lengths
+from faceposer.sketch.polyline import evenly
 from faceposer.sketch.recognition import DrawnStroke
 from faceposer.sketch.training_poses import TrainingPoses
-from tests.sketch.drawing import camera_of, mirrored_camera, mirrored_names, moved_world, stroke_along, tilted
+from tests.sketch.drawing import camera_of, mirrored_camera, moved_world, stroke_along, tilted
 
 _DISTINCT = (
     *("left brow", "right brow", "left cheek line", "right cheek line"),
@@ -110,7 +111,7 @@ def test_a_turned_character_is_recognised_alike(low: FaceModel, recogniser: Pape
 def test_mirrored_input_gives_mirrored_output(
     low: FaceModel, recogniser: PaperRecogniser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = mirrored_names()
+    names = MIRRORED_POINTS
     mirror = np.diag([-1.0, 1.0, 1.0])
     world = moved_world(low, mirror, names)
     other = PaperRecogniser(world, TrainingPoses.of(world))
@@ -149,7 +150,7 @@ def test_path_lengths() -> None:
 
 def test_resampling_keeps_the_ends() -> None:
     line = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 3.0]])
-    even = resampled(line, 9)
+    even = evenly(line, 9)
     assert even[[0, -1]] == pytest.approx(line[[0, -1]])
     assert np.linalg.norm(np.diff(even, axis=0), axis=1) == pytest.approx(0.5, rel=0.01)
-    assert resampled(np.zeros((3, 2)), 5) == pytest.approx(np.zeros((5, 2)))
+    assert evenly(np.zeros((3, 2)), 5) == pytest.approx(np.zeros((5, 2)))

@@ -1,5 +1,7 @@
 """The sketcher of a character: what it fits, the paper's pose, and its use by several threads."""
 
+import gc
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -7,7 +9,7 @@ import numpy as np
 import pytest
 
 from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.feature_curves import FEATURES
+from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS
 from faceposer.sketch import sketcher as sketching
 from faceposer.sketch.leave_out import Sizes, observed
 from faceposer.sketch.paper_pose import PaperPose
@@ -15,7 +17,7 @@ from faceposer.sketch.paper_recognition import PaperRecogniser
 from faceposer.sketch.ppca import PPCAMixture
 from faceposer.sketch.sketcher import Sketcher, sketcher_of
 from faceposer.sketch.training_poses import TrainingPoses
-from tests.sketch.drawing import camera_of, knots, matched, mirrored_camera, mirrored_names, moved_world, stroke_along
+from tests.sketch.drawing import camera_of, knots, matched, mirrored_camera, moved_world, stroke_along
 
 _EIGHT = (
     *("left brow", "right brow", "outer upper lip", "outer lower lip"),
@@ -128,6 +130,17 @@ def test_sketchers_are_kept_per_model_and_library(low: FaceModel) -> None:
     assert sketcher_of(low, [pose]) is not sketcher_of(low)
 
 
+def test_models_that_are_left_are_given_up(low: FaceModel) -> None:
+    model = replace(low)
+    sketcher_of(model)
+    left = weakref.ref(model)
+    others = [replace(low) for _ in range(4)]
+    del model
+    assert all(sketcher_of(other).model is other for other in others)
+    gc.collect()
+    assert left() is None
+
+
 @pytest.mark.parametrize("kept", [("4.",), ("2.", "8."), ()])
 def test_characters_without_some_feature_points(kept: tuple[str, ...], low: FaceModel) -> None:
     points = {name: v for name, v in low.character.feature_points.items() if name.startswith(kept)} if kept else {}
@@ -158,7 +171,7 @@ def test_modes_of_examples_can_be_sketched(creature: FaceModel) -> None:
 
 
 def test_mirrored_input_gives_the_mirrored_face(low: FaceModel) -> None:
-    names, mirror = mirrored_names(), np.diag([-1.0, 1.0, 1.0])
+    names, mirror = MIRRORED_POINTS, np.diag([-1.0, 1.0, 1.0])
     world = moved_world(low, mirror, names)
     sizes = Sizes(2, 12, 2, 40)
     fitted = [PaperPose.fit(TrainingPoses.of(m, 120), m.character.height, sizes) for m in (low, world)]

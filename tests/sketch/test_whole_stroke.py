@@ -14,7 +14,7 @@ from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.model.feature_curves import FEATURES
 from faceposer.model.framing import face_view
 from faceposer.sketch.curve_density import FeatureRows, visibility
-from faceposer.sketch.recognition import DrawnStroke, Recogniser
+from faceposer.sketch.recognition import DrawnStroke
 from faceposer.sketch.training_poses import TrainingPoses
 from faceposer.sketch.whole_stroke import WholeStrokeRecogniser
 
@@ -255,11 +255,6 @@ def test_probabilities_are_a_distribution() -> None:
     assert shares == sorted(shares, reverse=True)
     assert sum(shares) <= 1.0 + 1e-9
     assert found.runner_up is not None
-
-
-def test_it_is_a_recogniser(man: FaceModel) -> None:
-    recogniser: Recogniser = fitted("man")[1]
-    assert recogniser is fitted("man")[1]
 
 
 def test_a_character_without_feature_points_has_no_features() -> None:

@@ -19,7 +19,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS, Feature, FeatureCurve, feature_curves
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
-from faceposer.solve.constraints.sketch_matching import cleaned, correspondence
+from faceposer.solve.constraints.sketch_matching import cleaned, correspondence, distances
 from faceposer.solve.constraints.sketch_term import SketchTerm
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
 from faceposer.solve.term import Array, Indices, Term
@@ -172,13 +172,7 @@ class SketchConstraint(ConstraintBase):
 
     def residual_of(self, pixels: Array) -> float:
         """Return the mean distance from ``pixels``, shape (n, 2), to the stroke."""
-        line = self.line
-        steps = np.diff(line, axis=0)
-        squared = np.maximum((steps * steps).sum(axis=1), 1e-12)
-        offsets = pixels[:, None] - line[None, :-1]
-        share = np.clip(np.einsum("mnk,nk->mn", offsets, steps) / squared, 0.0, 1.0)
-        gaps = offsets - share[:, :, None] * steps
-        return float(np.sqrt(np.einsum("mnk,mnk->mn", gaps, gaps).min(axis=1)).mean())
+        return float(distances(pixels, self.line).mean())
 
     @staticmethod
     def terms(constraints: Sequence["SketchConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:

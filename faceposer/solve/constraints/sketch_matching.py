@@ -106,6 +106,16 @@ def correspondence(
     return best
 
 
+def distances(points: Array, line: Array) -> Array:
+    """Return the distances of ``points``, (m, 2), from the polyline ``line``, (n, 2), shape (m,)."""
+    steps = np.diff(line, axis=0)
+    squared = np.maximum((steps * steps).sum(axis=1), 1e-12)
+    offsets = points[:, None] - line[None, :-1]
+    share = np.clip(np.einsum("mnk,nk->mn", offsets, steps) / squared, 0.0, 1.0)
+    gaps = offsets - share[:, :, None] * steps
+    return np.asarray(np.sqrt(np.einsum("mnk,mnk->mn", gaps, gaps).min(axis=1)))
+
+
 def _nearest(line: Array, along: Array, pixel: Array) -> float:
     """Return the length along the polyline ``line``, (n, 2), of its point nearest to ``pixel``."""
     steps = np.diff(line, axis=0)
