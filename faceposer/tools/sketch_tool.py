@@ -10,20 +10,13 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
 from faceposer.model.feature_curves import drawable_features
-from faceposer.session.sketching import session_sketcher, sketch_of
+from faceposer.session.sketching import drawn_stroke, drawn_strokes, session_sketcher, sketch_of
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.dragging import drag_drawn
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
-from faceposer.tools.sketch_edits import (
-    depicting,
-    drawn_stroke,
-    drawn_strokes,
-    inside,
-    with_feature,
-    with_sketch,
-)
+from faceposer.tools.sketch_edits import depicting, inside, with_feature, with_sketch
 from faceposer.tools.stroke_tool import distance_to_line, pixels_in_view
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
