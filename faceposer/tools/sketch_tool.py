@@ -52,6 +52,7 @@ class SketchTool(PosingTool):
         labels: Boxes of the names in the view, by the index of the constraint or ``UNNAMED``.
         lists: Boxes within them that open the list of features.
         listing: Index of the sketch, or ``UNNAMED``, whose list of features is to be opened, or None.
+        known: What the recognition of the strokes has found.
     """
 
     name = "sketch"
@@ -241,6 +242,8 @@ class SketchTool(PosingTool):
         except ValueError:
             self.unnamed = UnnamedStroke(stroke, candidates)
             return
+        if not self._has_room(document, "sketch", context):
+            return
         with session.edit(f"Sketch the {chosen.feature}"):
             session.replace(document)
         self.known.remember(sketch, candidates, replaced)
@@ -294,6 +297,8 @@ class SketchTool(PosingTool):
                 session, index, changed, self.known.replaced(sketch), self._settings.symmetry
             )
         except ValueError:
+            return False
+        if not self._has_room(document, "sketch", context):
             return False
         with session.edit(f"Sketch the {feature}"):
             session.replace(document)
