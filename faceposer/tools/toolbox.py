@@ -298,7 +298,7 @@ class Toolbox:
         if pin is not None and self._context.session.document.constraints[pin].locked:
             return "Locked: unlock it in the list to move or remove it   ·   click: select it"
         if self.chosen is not self.point_tool:
-            if self.hover is not None and self.hover.pin is not None:
+            if pin is not None:
                 return self.chosen.handle_hint
             return self.chosen.hint(self._context)
         if self.hover is None:
