@@ -63,6 +63,7 @@ class SketchTool(PosingTool):
     drag_hint = "Move: draw the feature   ·   release: the face follows   ·   Esc: cancel"
     handle_hint = "Click: choose another feature   ·   Shift+drag: move the stroke   ·   right click: remove it"
     cursor = "draw"
+    edited_by_points = False
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use the shared ``tool_settings``."""

@@ -44,6 +44,7 @@ class StrokeTool(PosingTool):
     empty_text = "Draw a stroke on the face, then draw its target."
     drag_hint = "Move: draw   ·   release: end the stroke   ·   Esc: cancel"
     cursor = "draw"
+    edited_by_points = False
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use the shared ``tool_settings``."""

@@ -201,6 +201,7 @@ class PosingTool:
         drag_hint: Effect of the mouse during its gesture, for the status bar.
         handle_hint: Effect of the mouse on a handle of the tool, for the status bar.
         handle_order: Priority among handles at the same place; the lowest is grabbed.
+        edited_by_points: True if the point tool edits and removes its constraints by their handles, too.
     """
 
     name = ""
@@ -213,6 +214,7 @@ class PosingTool:
     drag_hint = "Move: pull the face   ·   release: confirm   ·   Esc: cancel"
     handle_hint = "Drag: edit the constraint   ·   right click: remove it"
     handle_order = 9
+    edited_by_points = True
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use ``tool_settings``, which are shared with the other tools."""
