@@ -115,7 +115,7 @@ class SketchingMixin:
             What each line depicts; the sketches are the last of ``constraints``.
 
         Raises:
-            FacePoserError: If the file cannot be read or shows no face.
+            FacePoserError: If the file cannot be read or shows no face, or the face has too many strokes.
         """
         # Imported late: it loads all that recognises.
         from faceposer.session.drawings import Relative, add_sketches, read_drawing

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from faceposer.errors import MissingCharacterError
+from faceposer.files import paths
 from faceposer.gui.context import EditorContext
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
@@ -15,7 +16,7 @@ def ask_for_character(context: EditorContext, error: MissingCharacterError, done
     """Report ``error`` and offer the present character or one from a file, with which ``done`` is called."""
     present, title = context.session.document.character, context.session.model.character.title
     library = context.characters.folder
-    start = library if library.is_dir() else last_folder(context.settings)
+    start = library if paths.is_dir(library) else last_folder(context.settings)
 
     def choose() -> None:
         context.ask_for_file(

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from faceposer.errors import FacePoserError, MissingCharacterError
+from faceposer.errors import FacePoserError, MissingCharacterError, NoSessionError
 from faceposer.files import paths
 from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
@@ -140,7 +140,7 @@ class SessionFiles:
             return session
 
         missing = ask if Path(what).suffix.lower() == ".json" else None
-        if self.show(opening, "The file cannot be opened", _remedy(Path(what)), missing):
+        if self.show(opening, "The file cannot be opened", missing=missing):
             self.remember(what)
 
     def remember(self, what: str) -> None:
@@ -196,7 +196,8 @@ class SessionFiles:
             if missing is not None and isinstance(error, MissingCharacterError):
                 missing(error)
             else:
-                context.dialogs.report(failure, f"{error}{remedy}")
+                command = _remedy(Path(error.path)) if isinstance(error, NoSessionError) else ""
+                context.dialogs.report(failure, f"{error}{command}{remedy}")
             return False
         except Exception:
             worker.close()

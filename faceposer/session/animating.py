@@ -165,7 +165,7 @@ class AnimationController:
         return replace(document, keyframes=keyframes.with_key(document.frame, pose), animated=unconstrained)
 
     def as_opened(self, document: Document) -> Document:
-        """Return a ``document`` that is opened, with its present pose as one of the animation if it is that."""
+        """Return ``document`` as it is opened: its pose belongs to the animation if it is that of its frame."""
         if document.keyframes is None or document.coefficients is None:
             return document
         return self.with_auto_key(document)

@@ -11,6 +11,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
+from faceposer.session.effort import check_room
 from faceposer.session.session import Session
 from faceposer.session.sketching import session_sketcher, sketch_of
 from faceposer.solve.constraints.sketch import SketchConstraint
@@ -81,9 +82,14 @@ def read_drawing(
 
 
 def add_sketches(session: Session, sketches: Sequence[SketchConstraint], name: str) -> None:
-    """Replace the sketches of ``session`` by those of the drawing ``name``, as one step; locked ones remain."""
+    """Replace the sketches of ``session`` by those of the drawing ``name``, as one step; locked ones remain.
+
+    Raises:
+        FacePoserError: If the session has no room for the sketches.
+    """
     document = session.document
     kept = [c for c in document.constraints if not isinstance(c, SketchConstraint) or c.locked]
+    check_room(kept, len(sketches))
     with session.edit(f"Open the drawing {name}"):
         session.replace(replace(document, constraints=(*kept, *sketches)))
 

@@ -51,11 +51,6 @@ _LINES: dict[str, tuple[str, ...]] = {
 }
 # Outer corner of the eye and outer end of the brow; the temple is outside of both, in front of the ear.
 _TEMPLES: dict[str, tuple[str, str]] = {"left temple": ("3.7", "4.5"), "right temple": ("3.12", "4.6")}
-# Inner end, top and outer end of the brow, and the upper lid below it.
-_BROWS = (
-    ("left", ("4.1", "4.3", "4.5"), ("3.11", "3.13", "3.7")),
-    ("right", ("4.2", "4.4", "4.6"), ("3.8", "3.14", "3.12")),
-)
 # Regions whose borders between brow and lid differ from character to character.
 _AROUND_BROW = ("forehead", "brow", "lids", "face")
 # Samples of a stroke, share from which its most frequent part names it, and share of one side from which it is sided.
@@ -64,8 +59,6 @@ _SAMPLES, _MAJORITY, _ONE_SIDED = 25, 0.5, 0.8
 _NOTABLE = 0.2
 # Regions that extend into the temple, where their own names would mislead.
 _AROUND_TEMPLE = ("cheek", "forehead", "scalp", "brow", "lids", "face")
-
-
 # Largest numbers of names that are cached, of points and of areas.
 _MOST_NAMES, _MOST_AREAS = 4096, 64
 
@@ -77,6 +70,7 @@ class PointNames:
         """Prepare the names for ``character``."""
         self._character = character
         self._ids = ids = [name for name in character.feature_points if name in character.feature_titles]
+        self._inner = np.array([name in _INNER_LIPS for name in ids], dtype=np.bool_)
         self._titles = [character.feature_titles[name] for name in ids]
         self._positions = (
             character.vertices[[character.feature_points[name] for name in ids]] if ids else np.zeros((0, 3))
@@ -200,7 +194,7 @@ class PointNames:
         if not len(self._positions):
             return -1, np.inf
         distances = np.linalg.norm(self._positions - position, axis=1)
-        inner = np.array([name in _INNER_LIPS for name in self._ids])
+        inner = self._inner
         distances[inner & (distances > _LIP_LINE * self._character.height)] = np.inf
         # The outer edge of a lip comes first where a character has one vertex for both.
         distances[inner] += 1e-6 * self._character.height
@@ -210,7 +204,8 @@ class PointNames:
     def _around_brow(self, position: Array) -> str | None:
         """Return brow, upper lid or forehead for a place above an eye, by the lines of brow and lid; None elsewhere."""
         x, y = float(position[0]), float(position[1])
-        for side, *lines in _BROWS:
+        for side in ("left", "right"):
+            lines = (_LINES[f"{side} brow"], _LINES[f"{side} upper lid"])
             brow, lid = ([place for name in line if (place := self._place(name)) is not None] for line in lines)
             if len(brow) < 2 or len(lid) < 2:
                 continue

@@ -39,7 +39,7 @@ def add_stroke(
     _check_drawable(model.character)
     method = DEFAULT_RECOGNITION if recognition is None else recognition
     found = session_sketcher(model).recognise(
-        stroke, session.coefficients, drawn_strokes(document), stroke.feature, method
+        stroke, session.coefficients, drawn_strokes(document.constraints), stroke.feature, method
     )
     # A feature that was given need not be probable.
     best = found.best if stroke.feature is None else next(iter(found.candidates), None)

@@ -1,5 +1,6 @@
 """Sketches of a document: the sketcher of its character, and the problem that its constraints pose to the solver."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from faceposer.sketch.sketcher import Sketcher
 
 Array = NDArray[np.float64]
+
+# Number of strokes that are kept for recognition.
+_MOST_STROKES = 500
 
 
 @dataclass(frozen=True)
@@ -53,12 +57,22 @@ def library_poses(model: FaceModel) -> tuple[Array, ...]:
 
 def active_sketches(document: Document) -> tuple[SketchConstraint, ...]:
     """Return the sketches of ``document`` that act on the face."""
-    return tuple(c for c in document.constraints if isinstance(c, SketchConstraint) and c.enabled and c.weight > 0)
+    return _active(document.constraints)
 
 
-def drawn_strokes(document: Document) -> tuple[DrawnStroke, ...]:
-    """Return the strokes of the active sketches of ``document``, with their features."""
-    return tuple(DrawnStroke(np.array(c.stroke), c.camera, c.feature) for c in active_sketches(document))
+def _active(constraints: Iterable[Constraint]) -> tuple[SketchConstraint, ...]:
+    return tuple(c for c in constraints if isinstance(c, SketchConstraint) and c.enabled and c.weight > 0)
+
+
+@lru_cache(maxsize=_MOST_STROKES)
+def drawn_stroke(sketch: SketchConstraint) -> DrawnStroke:
+    """Return the stroke of ``sketch`` for recognition, the same object for the same sketch."""
+    return DrawnStroke(np.array(sketch.stroke), sketch.camera, sketch.feature)
+
+
+def drawn_strokes(constraints: Iterable[Constraint]) -> tuple[DrawnStroke, ...]:
+    """Return the strokes of the active sketches among ``constraints``, with their features."""
+    return tuple(drawn_stroke(sketch) for sketch in _active(constraints))
 
 
 def solver_input(model: FaceModel, document: Document) -> tuple[tuple[Constraint, ...], Array | None]:

@@ -192,11 +192,14 @@ class CurveTool(PosingTool):
             curve = curve.resolved(session.model, session.coefficients)
         except ValueError:
             return True
+        document, index = session.document, len(session.document.constraints)
+        document = replace(document, constraints=(*document.constraints, curve))
+        document = Mirroring(self._settings.symmetry, session).with_images(document, [index])
+        if not self._has_room(document, "curve", context):
+            return True
         self.discard()
         with session.edit("Draw a curve"):
-            document, index = session.document, len(session.document.constraints)
-            document = replace(document, constraints=(*document.constraints, curve))
-            session.replace(Mirroring(self._settings.symmetry, session).with_images(document, [index]))
+            session.replace(document)
         self._settings.selection.set(index)
         return True
 

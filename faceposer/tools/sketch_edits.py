@@ -1,10 +1,8 @@
 """Edits of sketches: a stroke that becomes a feature, another feature for it, and both on the other side, too."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, reduce
-
-import numpy as np
 
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import smoothed
@@ -17,23 +15,8 @@ from faceposer.session.session import Session
 from faceposer.session.sketching import session_sketcher, sketch_of
 from faceposer.sketch.combining import combined
 from faceposer.sketch.recognition import Candidate, DrawnStroke
-from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.tools.symmetry import Symmetry, image_of
-
-# Number of strokes that are kept for recognition.
-_MOST_STROKES = 500
-
-
-@lru_cache(maxsize=_MOST_STROKES)
-def drawn_stroke(sketch: SketchConstraint) -> DrawnStroke:
-    """Return the stroke of ``sketch`` for recognition, the same object for the same sketch."""
-    return DrawnStroke(np.array(sketch.stroke), sketch.camera, sketch.feature)
-
-
-def drawn_strokes(constraints: Iterable[Constraint]) -> list[DrawnStroke]:
-    """Return the strokes of the enabled sketches among ``constraints``."""
-    return [drawn_stroke(c) for c in constraints if isinstance(c, SketchConstraint) and c.enabled]
 
 
 def depicting(sketch: SketchConstraint, candidate: Candidate) -> SketchConstraint:

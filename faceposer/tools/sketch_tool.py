@@ -10,20 +10,13 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
 from faceposer.model.feature_curves import drawable_features
-from faceposer.session.sketching import session_sketcher, sketch_of
+from faceposer.session.sketching import drawn_stroke, drawn_strokes, session_sketcher, sketch_of
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.dragging import drag_drawn
 from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
-from faceposer.tools.sketch_edits import (
-    depicting,
-    drawn_stroke,
-    drawn_strokes,
-    inside,
-    with_feature,
-    with_sketch,
-)
+from faceposer.tools.sketch_edits import depicting, inside, with_feature, with_sketch
 from faceposer.tools.stroke_tool import distance_to_line, pixels_in_view
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
@@ -59,6 +52,7 @@ class SketchTool(PosingTool):
         labels: Boxes of the names in the view, by the index of the constraint or ``UNNAMED``.
         lists: Boxes within them that open the list of features.
         listing: Index of the sketch, or ``UNNAMED``, whose list of features is to be opened, or None.
+        known: What the recognition of the strokes has found.
     """
 
     name = "sketch"
@@ -69,6 +63,7 @@ class SketchTool(PosingTool):
     drag_hint = "Move: draw the feature   ·   release: the face follows   ·   Esc: cancel"
     handle_hint = "Click: choose another feature   ·   Shift+drag: move the stroke   ·   right click: remove it"
     cursor = "draw"
+    edited_by_points = False
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use the shared ``tool_settings``."""
@@ -248,6 +243,8 @@ class SketchTool(PosingTool):
         except ValueError:
             self.unnamed = UnnamedStroke(stroke, candidates)
             return
+        if not self._has_room(document, "sketch", context):
+            return
         with session.edit(f"Sketch the {chosen.feature}"):
             session.replace(document)
         self.known.remember(sketch, candidates, replaced)
@@ -301,6 +298,8 @@ class SketchTool(PosingTool):
                 session, index, changed, self.known.replaced(sketch), self._settings.symmetry
             )
         except ValueError:
+            return False
+        if not self._has_room(document, "sketch", context):
             return False
         with session.edit(f"Sketch the {feature}"):
             session.replace(document)

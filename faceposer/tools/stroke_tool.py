@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import MOST_PIXELS, smoothed, stroke_pixels
 from faceposer.session.document import Document
-from faceposer.session.effort import check_effort
 from faceposer.solve.constraints.stroke import WIDEST, Pixels, StrokeConstraint, as_pixels
 from faceposer.tools.dragging import drag_drawn
 from faceposer.tools.symmetry import Mirroring
@@ -46,6 +44,7 @@ class StrokeTool(PosingTool):
     empty_text = "Draw a stroke on the face, then draw its target."
     drag_hint = "Move: draw   ·   release: end the stroke   ·   Esc: cancel"
     cursor = "draw"
+    edited_by_points = False
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use the shared ``tool_settings``."""
@@ -153,10 +152,7 @@ class StrokeTool(PosingTool):
         """Make ``document``, with the new stroke ``index`` and its mirror image, one step; or say why it cannot be."""
         session = context.session
         document = Mirroring(self._settings.symmetry, session).with_images(document, [index])
-        try:
-            check_effort(document.constraints)
-        except FacePoserError:
-            context.notify("The stroke is not kept: the session has too many strokes, or they cover too many pixels")
+        if not self._has_room(document, "stroke", context):
             return
         with session.edit(label):
             session.replace(document)

@@ -12,11 +12,14 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.picture_view import View
 from faceposer.geometry.strokes import StrokeShape
 from faceposer.model.character import Character
+from faceposer.session.document import Document
+from faceposer.session.effort import check_effort
 from faceposer.session.session import Session
 from faceposer.solve.constraints.stroke import StrokeEnergy
 from faceposer.tools.symmetry import Symmetry
@@ -140,7 +143,7 @@ class Selection:
     def return_to(self, constraints: object) -> None:
         """Select what was selected when some of the same ``constraints`` were removed, after undo."""
         known, indices = self._before.get(id(constraints), (None, frozenset[int]()))
-        if known is constraints and known is not None:
+        if known is constraints:
             self.indices = indices
 
     def toggle(self, index: int) -> None:
@@ -198,6 +201,7 @@ class PosingTool:
         drag_hint: Effect of the mouse during its gesture, for the status bar.
         handle_hint: Effect of the mouse on a handle of the tool, for the status bar.
         handle_order: Priority among handles at the same place; the lowest is grabbed.
+        edited_by_points: True if the point tool edits and removes its constraints by their handles, too.
     """
 
     name = ""
@@ -210,6 +214,7 @@ class PosingTool:
     drag_hint = "Move: pull the face   ·   release: confirm   ·   Esc: cancel"
     handle_hint = "Drag: edit the constraint   ·   right click: remove it"
     handle_order = 9
+    edited_by_points = True
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use ``tool_settings``, which are shared with the other tools."""
@@ -267,6 +272,15 @@ class PosingTool:
         """Remove constraint ``index`` as the step ``label``, with symmetry also its partner."""
         self._settings.selection.before_removal(context.session.document.constraints)
         context.session.remove_constraints(self._settings.symmetry.with_partners(context.session, {index}), label)
+
+    def _has_room(self, document: Document, noun: str, context: ToolContext) -> bool:
+        """Return True if ``document``, with a new ``noun``, can be opened again; otherwise say that it is not kept."""
+        try:
+            check_effort(document.constraints)
+        except FacePoserError:
+            context.notify(f"The {noun} is not kept: the session has too many strokes, or they cover too many pixels")
+            return False
+        return True
 
     def accept(self, context: ToolContext) -> bool:
         """Finish the current edit (Enter); return True if there was one."""

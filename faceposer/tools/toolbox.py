@@ -45,8 +45,8 @@ class Toolbox:
             self.trajectory_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
-        # Of several handles at the same place, the first tool's is grabbed. Sketches have none for the point tool.
-        with_handles = [tool for tool in everything if tool is not self.sketch_tool]
+        # Of several handles at the same place, the first tool's is grabbed.
+        with_handles = [tool for tool in everything if tool.edited_by_points]
         self._by_handle = sorted(with_handles, key=lambda tool: tool.handle_order)
         # Not listed with the others: it sets pins on photos, not constraints, and needs a photo.
         self.photo_tool = PhotoTool(self.tool_settings)
@@ -151,8 +151,7 @@ class Toolbox:
             return
         if self.chosen is self.point_tool:
             for tool in self.tools.values():
-                drawn = tool is self.stroke_tool or tool is self.sketch_tool
-                if not drawn and tool.remove_at(event.position, self._context):
+                if tool.edited_by_points and tool.remove_at(event.position, self._context):
                     return
 
     def _begin(self, tool: Tool, event: PointerEvent) -> None:
@@ -298,7 +297,7 @@ class Toolbox:
         if pin is not None and self._context.session.document.constraints[pin].locked:
             return "Locked: unlock it in the list to move or remove it   ·   click: select it"
         if self.chosen is not self.point_tool:
-            if self.hover is not None and self.hover.pin is not None:
+            if pin is not None:
                 return self.chosen.handle_hint
             return self.chosen.hint(self._context)
         if self.hover is None:

@@ -115,7 +115,7 @@ def test_the_papers_face_is_where_other_constraints_start(man: FaceModel, paper:
 @pytest.mark.parametrize("change", [{"enabled": False}, {"weight": 0.0}])
 def test_sketches_that_do_not_act_leave_the_start(man: FaceModel, paper: PaperStub, change: dict) -> None:
     document = Document("man", (replace(brow(man, 12.0), **change),), sketch_method="paper")
-    assert active_sketches(document) == drawn_strokes(document) == ()
+    assert active_sketches(document) == drawn_strokes(document.constraints) == ()
     assert solver_input(man, document) == (document.constraints, None)
     assert paper.calls == 0
 

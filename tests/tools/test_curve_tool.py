@@ -205,3 +205,16 @@ def test_nudges_move_the_target_in_one_step(context: HeadlessContext) -> None:
     assert context.constraints[0].source == before[0].source
     context.undo()
     assert context.constraints == before
+
+
+def test_a_curve_too_many_is_said_and_its_source_stays(
+    context: HeadlessContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("faceposer.session.effort.MOST_DRAWN", 0)
+    draw(context)
+    assert context.constraints == ()
+    assert context.notices[0].startswith("The curve is not kept: the session has too many strokes")
+    assert len(context.toolbox.curve_tool.points) == len(lip(context))
+    monkeypatch.undo()
+    assert context.toolbox.accept()
+    assert len(context.constraints) == 1

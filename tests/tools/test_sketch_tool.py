@@ -322,7 +322,6 @@ def test_where_a_press_draws(context: HeadlessContext) -> None:
     tool = tool_of(context)
     assert not tool.works_at((3.0, 3.0), context)
     below = shifted(context.feature("2.1"), 0, 12)
-    assert context.pick(below) is None or tool.works_at(below, context)
     assert tool.works_at(below, context)
     jaw = context.feature("2.13")
     assert tool.works_at(shifted(context.feature("11.1"), 0, -30), context), "hair is a part of the head"
@@ -408,3 +407,17 @@ def test_all_strokes_wait_in_order_whatever_tool_is_chosen(context: HeadlessCont
     while tool.advance(context):
         context.session.poll()
     assert features(context) == ["left brow", "right brow"]
+
+
+def test_a_sketch_too_many_is_said(context: HeadlessContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    before, depth = context.constraints, context.session.depth
+    monkeypatch.setattr("faceposer.session.effort.MOST_DRAWN", 1)
+    context.follow(way_of(context, "right brow", dy=-8.0))
+    assert context.notices == [
+        "The sketch is not kept: the session has too many strokes, or they cover too many pixels"
+    ]
+    assert (context.constraints, context.session.depth) == (before, depth)
+    context.follow(way_of(context, "left brow", dy=-4.0))
+    assert features(context) == ["left brow"], "one that replaces another has room"
+    assert len(context.notices) == 1

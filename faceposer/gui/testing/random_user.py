@@ -44,7 +44,7 @@ class RandomUser:
         self.done = 0
         app.window.clock = self.clock
         # Menus, dialogs and files are left alone; without a photo its keys do nothing.
-        left_out = {"keys", "about", "quit", "preferences", "photo-pin", "photo-skip", "photo-shown"}
+        left_out = {"preferences", "photo-pin", "photo-skip", "photo-shown"}
         self.keys = [
             key
             for action in app.actions

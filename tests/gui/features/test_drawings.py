@@ -47,3 +47,10 @@ def test_a_file_without_a_face_changes_nothing(robot: Robot, tmp_path: Path) -> 
     drop(robot, path)
     assert robot.app.dialogs.open
     assert not robot.app.session.document.constraints
+
+
+def test_a_drawing_for_which_there_is_no_room_is_reported(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("faceposer.session.effort.MOST_DRAWN", 1)
+    drop(robot, DRAWINGS / "sadness.svg")
+    assert robot.app.dialogs.open
+    assert not robot.app.session.document.constraints

@@ -113,7 +113,11 @@ class DrawingsFeature(Feature):
             raise error
         elif result is not None and opening.session is self.context.session:
             found, sketches = result
-            add_sketches(opening.session, sketches, opening.path.name)
+            try:
+                add_sketches(opening.session, sketches, opening.path.name)
+            except FacePoserError as full:
+                self.context.dialogs.report("The drawing cannot be used", str(full))
+                return
             self.context.notify(f"{opening.path.name}: {summary(found)}")
 
     def draw_dialog(self) -> None:

@@ -192,9 +192,7 @@ class ImportDialog:
             if str(path) not in form.captures:
                 form.captures.append(str(path))
 
-        row_label(
-            "Performances", "Recordings of ARKit weights by Live Link Face or Face Cap, to learn the prior from", _LABEL
-        )
+        row_label("Performances", tip, _LABEL)
         for i, path in enumerate(list(form.captures)):
             if i:
                 row_label("", width=_LABEL)

@@ -1,4 +1,4 @@
-"""Names beside the strokes of sketches, the stroke being drawn, and the list of features."""
+"""Names beside the strokes of sketches, the stroke being drawn, and strokes that are not recognised yet."""
 
 from collections.abc import Collection, Iterable, Sequence
 
@@ -13,7 +13,7 @@ from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.widgets.theme import EDGE, FAINT, INK, RAISED_MORE, TARGET, WARNING, Colour, Icon, u32
 from faceposer.model.feature_curves import feature_curves
 from faceposer.solve.constraints.stroke import as_pixels
-from faceposer.tools.sketch_edits import drawable_points
+from faceposer.tools.sketch_edits import drawable_points, inside
 from faceposer.tools.sketch_tool import UNNAMED, Box, SketchTool
 from faceposer.tools.stroke_tool import pixels_in_view
 
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _Named = tuple[int, str, Array, Colour, float]
 #: Name of the stroke that depicts no feature.
 NO_FEATURE = "no feature"
+# Index under which the name of an unfinished stroke is placed; it cannot be clicked.
+_PREVIEW = UNNAMED - 1
 # At normal density: margins of a name, and its distance from the stroke.
 _PAD_X, _PAD_Y, _GAP = 5.0, 2.0, 9.0
 # Of the points along features, one in so many is an obstacle; strokes have one in so many pixels.
@@ -190,7 +192,7 @@ class SketchOverlay:
         viewport, hover = self._context.viewport, self._context.toolbox.hover
         scale, (x, y) = viewport.ui_scale, viewport.origin
         left, top, right, bottom = box[0] + x, box[1] + y, box[2] + x, box[3] + y
-        under = hover is not None and box[0] <= hover.position[0] < box[2] and box[1] <= hover.position[1] < box[3]
+        under = hover is not None and inside(box, hover.position)
         ground, opacity = (RAISED_MORE, 1.0) if under and listed else (EDGE, 0.72 * strength)
         draw.add_rect_filled((left, top), (right, bottom), u32(ground, opacity), 4.0 * scale)
         draw.add_text(ImVec2(left + _PAD_X * scale, top + _PAD_Y * scale), u32(colour, strength), name)
@@ -214,7 +216,3 @@ def _dense(line: Array) -> Array:
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     at = np.arange(0.0, along[-1] + _STEP, _STEP)
     return np.stack([np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])], axis=1)
-
-
-# Index under which the name of an unfinished stroke is placed; it cannot be clicked.
-_PREVIEW = UNNAMED - 1

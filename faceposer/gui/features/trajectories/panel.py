@@ -12,7 +12,6 @@ from faceposer.gui.widgets.tooltips import tooltip
 if TYPE_CHECKING:
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 
-_LABEL = 6.6
 _LARGEST_SMOOTHNESS = 100.0
 _MOST_FRAMES = 10_000
 
@@ -32,13 +31,13 @@ def draw_trajectory_options(feature: "TrajectoriesFeature") -> None:
         else "pen"
     )
     if options.timing == "even":
-        row_label("Frames", f"Duration of the motion in frames, {(options.frames - 1) / rate:.2f} s", _LABEL)
+        row_label("Frames", f"Duration of the motion in frames, {(options.frames - 1) / rate:.2f} s")
         imgui.set_next_item_width(-1.0)
         flags = imgui.SliderFlags_.always_clamp.value
         _, options.frames = imgui.drag_int("##frames", options.frames, 0.2, 2, _MOST_FRAMES, "%d", flags)
         context.widget_rects.record("even-frames")
         tooltip(f"Duration of the motion in frames, {(options.frames - 1) / rate:.2f} s")
-    row_label("Smoothness", "Smoothness of the motion. 0 follows every jitter of the hand.", _LABEL)
+    row_label("Smoothness", "Smoothness of the motion. 0 follows every jitter of the hand.")
     imgui.set_next_item_width(-1.0)
     flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
     _, options.smoothness = slider("##smoothness", options.smoothness, 0.0, _LARGEST_SMOOTHNESS, "%.2f", flags)
