@@ -58,7 +58,7 @@ class FaceInView:
             )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def _face_of(character: Character) -> tuple[Array, float]:
     """Return the feature points of the drawable features, (n, 3), and the height of the face."""
     known = character.feature_points

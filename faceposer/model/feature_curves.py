@@ -158,7 +158,7 @@ def drawable_features(character: Character) -> list[str]:
     ]
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def feature_curves(character: Character) -> Mapping[str, tuple[FeatureCurve, ...]]:
     """Return the curves of all features whose feature points the ``character`` has, by name, one per chain."""
     known = character.feature_points

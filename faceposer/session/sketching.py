@@ -37,7 +37,7 @@ class _Matched:
     matched: tuple[tuple[str, tuple[float, float]], ...]
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def session_sketcher(model: FaceModel) -> "Sketcher":
     """Return the sketcher of ``model``, which learns from the poses of the program's library, among others.
 
@@ -115,7 +115,7 @@ def sketch_of(stroke: DrawnStroke, candidate: Candidate, weight: float = 1.0) ->
     return SketchConstraint(as_pixels(stroke.pixels), stroke.camera, candidate.feature, matched, weight=weight)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def _paper_pose(model: FaceModel, drawn: tuple[_Matched, ...], start: bytes) -> Array:
     """Return the paper's face, shape (r,), cached since the sketches stay while other constraints are dragged."""
     pose = np.array(session_sketcher(model).paper_pose(drawn, np.frombuffer(start)), dtype=np.float64)

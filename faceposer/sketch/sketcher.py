@@ -151,6 +151,6 @@ def sketcher_of(model: FaceModel, library: Sequence[Array] = ()) -> Sketcher:
         return _kept(model, tuple(np.asarray(p, dtype=np.float64).tobytes() for p in library))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def _kept(model: FaceModel, library: tuple[bytes, ...]) -> Sketcher:
     return Sketcher(model, [np.frombuffer(pose) for pose in library])

@@ -87,7 +87,7 @@ def prepare_recognition(model: FaceModel) -> None:
             return
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)
 def drawable_points(character: Character) -> SurfacePoints:
     """Return points along the features that can be drawn on ``character``."""
     chains = [curve.points for curves in feature_curves(character).values() for curve in curves]
