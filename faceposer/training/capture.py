@@ -293,18 +293,18 @@ def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
 def _columns(header: list[str], path: Path) -> tuple[dict[str, list[int]], tuple[str, ...]]:
     """Return the columns of each shape, in ARKit's order: one, or two for a split shape; and notes on their names."""
     match = match_with_ties(header)
-    shapes = match.shapes | {name: shape for shape, names in match.ties.items() for name in names}
+    shapes = match.with_ties
     found: defaultdict[str, list[int]] = defaultdict(list)
     for column, name in enumerate(header):
         if name in shapes:
             found[whole_shape_of(shapes[name])].append(column)
     notes = [match.note] if match.note else []
     for shape in _SPLIT:
-        whole = [column for column in found[shape] if shapes[header[column]] == shape]
-        if whole and len(whole) < len(found[shape]):
+        columns = found.get(shape, [])
+        whole = [column for column in columns if shapes[header[column]] == shape]
+        if whole and len(whole) < len(columns):
             notes.append(f"The halves of {shape} are not used, since the whole is in column '{header[whole[0]][:60]}'.")
             found[shape] = whole
-    found = defaultdict(list, {shape: columns for shape, columns in found.items() if columns})
     for shape, columns in found.items():
         names = {header[column].lower() for column in columns}
         if len(names) < len(columns) or len(columns) > (2 if shape in _SPLIT else 1):
