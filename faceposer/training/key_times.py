@@ -59,7 +59,7 @@ def sampling(keys: Sequence[Array], most: int, rate: float | None = None) -> Sam
 
 
 def _rate(since: Array, densest: Array) -> tuple[float, bool]:
-    """Return the frames per second of keys at seconds ``since`` the first, and False if they are sparser than frames."""
+    """Return the frames per second for keys at seconds ``since`` the first, and True if the keys are frames."""
     if len(since) < 2:
         return USUAL_RATE, True
     steps = np.diff(since)
