@@ -87,7 +87,7 @@ def learn_from_captures(
         progress.at("Reading the performances", i / len(paths))
         captures.append(read_recording(path))
         if len(captures[-1].weights) < _FEWEST_FRAMES:
-            found = counted(len(captures[-1].weights), "frame", "frames")
+            found = counted(len(captures[-1].weights), "frame")
             raise FacePoserError(
                 f"The capture '{path}' has {found} with a face, too few to learn from; record at least "
                 f"{_FEWEST_FRAMES} frames."
