@@ -93,9 +93,7 @@ def _same(one: Array | None, other: Array | None) -> bool:
 
 def _known(heading: str, cells: Sequence[str]) -> Mask:
     """Return which of the ``cells`` have a time or the number of a frame."""
-    if is_frame_number(heading):
-        return np.array([decimal_number(cell) is not None for cell in cells])
-    found = times_of(heading, cells)
+    found = None if is_frame_number(heading) else times_of(heading, cells)
     if found is None:
         return np.array([decimal_number(cell) is not None for cell in cells])
     return np.isfinite(found.seconds)
