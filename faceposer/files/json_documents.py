@@ -88,14 +88,14 @@ def read_json(
 ) -> T:
     """Return the result of ``parse`` for the JSON in the file ``path``: UTF-8, with or without a byte order mark.
 
+    Objects with duplicate keys are rejected, since all values but one would be lost.
+
     Args:
         path: A regular file.
         kind: Noun for messages, such as "session".
         parse: Converts the data; raises ``FacePoserError`` with a sentence about the content.
         max_bytes: Maximum size of the file.
         prepare: Converts the content of the file to such JSON.
-
-    Objects with duplicate keys are rejected, since all values but one would be lost.
 
     Raises:
         UnreadableError: If the file cannot be read.

@@ -7,7 +7,7 @@ def plain_float(word: str) -> float:
     Raises:
         ValueError: If it is none.
     """
-    if not _is_plain(word):
+    if not is_plain(word):
         raise ValueError("it is not a number in plain digits")
     return float(word)
 
@@ -18,10 +18,11 @@ def plain_int(word: str) -> int:
     Raises:
         ValueError: If it is none.
     """
-    if not _is_plain(word):
+    if not is_plain(word):
         raise ValueError("it is not a number in plain digits")
     return int(word)
 
 
-def _is_plain(word: str) -> bool:
+def is_plain(word: str) -> bool:
+    """Return True if numbers in ``word`` can only be in plain digits."""
     return word.isascii() and "_" not in word

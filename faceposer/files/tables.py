@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TextIO
 
 from faceposer.errors import FacePoserError
+from faceposer.files.numbers import is_plain, plain_float
 from faceposer.files.reading import open_file, open_text
 
 Row = tuple[int, list[str]]
@@ -67,23 +68,18 @@ def decimal_numbers(cells: Sequence[str]) -> list[float] | None:
         values = list(map(float, cells))
     except ValueError:
         return None
-    plain = all(map(math.isfinite, values)) and "_" not in "".join(cells)
-    return values if plain else None
+    return values if all(map(math.isfinite, values)) and is_plain("".join(cells)) else None
 
 
 def decimal_number(text: str) -> float | None:
     """Return the finite number in ``text``, with a decimal point or a decimal comma, or None."""
+    text = text.strip()
     try:
-        value = float(text)
+        value = plain_float(text)
     except ValueError:
-        text = text.strip()
         if not _NUMBER.fullmatch(text):
             return None
         value = float(text.replace(",", "."))
-    else:
-        # Python's numbers may have other digits and underscores.
-        if "_" in text or not text.isascii():
-            return None
     return value if math.isfinite(value) else None
 
 

@@ -124,7 +124,7 @@ def _times_of(heading: str, cells: Sequence[str]) -> ColumnTimes | None:
         dates = [_date_seconds(cell) for cell in cells]
         return ColumnTimes(np.array([np.nan if date is None else date for date in dates]))
     if _CLOCK.fullmatch(_without_day(first)):
-        return _whole_days([_clock_seconds(_without_day(cell)) for cell in cells])
+        return ColumnTimes(_past_midnight(np.array([_clock_seconds(_without_day(cell)) for cell in cells])))
     return None
 
 
@@ -252,10 +252,6 @@ def _clock_seconds(text: str) -> float:
     if match[4]:
         hours = hours % 12.0 + (12.0 if match[4] in "Pp" else 0.0)
     return 3600.0 * hours + 60.0 * float(match[2]) + float(match[3].replace(",", "."))
-
-
-def _whole_days(seconds: Sequence[float] | Array) -> ColumnTimes:
-    return ColumnTimes(_past_midnight(np.asarray(seconds, dtype=np.float64)))
 
 
 def _past_midnight(seconds: Array) -> Array:

@@ -21,6 +21,7 @@ from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.files.reading import open_file
+from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
 from faceposer.geometry.obj_io import read_obj_positions_and_digest
 from faceposer.geometry.polygon_mesh import PolygonMesh
@@ -31,8 +32,6 @@ ARRAY_SUFFIX = ".npz"
 _VERTICES = "vertices.npy"
 _NEUTRAL_WORDS = ("neutral", "rest", "base")
 _MAX_FRAMES = 1_000_000
-# Bound on coordinates, which keeps sums of squares over a mesh within single precision.
-_LARGEST = 1e12
 _MAX_FILE_BYTES = 1 << 30
 _FACES = "faces.npy"
 _WRONG_FACES = "The faces in '{}' must be vertex numbers from 0, shape (T, 3) or (T, 4)."
@@ -142,10 +141,7 @@ class MeshSequence:
             )
 
     def _check_finite(self, name: str, vertices: Array) -> None:
-        # Comparisons with NaN are False.
-        valid = (np.abs(vertices) < _LARGEST).all(axis=1)
-        if not valid.all():
-            vertex = int(np.argmin(valid))
+        if (vertex := first_unusable(vertices)) is not None:
             problem = "too far away" if np.isfinite(vertices[vertex]).all() else "not finite"
             raise FacePoserError(f"Vertex {vertex + 1} of {name} is {problem}; export it again.")
 

@@ -131,10 +131,10 @@ def name_in(line: bytes, decoded: bool) -> tuple[str, str] | None:
     if keyword not in NAMES:
         return None
     name = words[0] if words else ""
-    return keyword, (name if decoded else decodedname_in(name.encode("latin-1"))).strip(SPACE)
+    return keyword, (name if decoded else _decoded_name(name.encode("latin-1"))).strip(SPACE)
 
 
-def decodedname_in(name: bytes) -> str:
+def _decoded_name(name: bytes) -> str:
     """Return a ``name`` from a file as text: UTF-8, or else Windows-1252 as older exporters write it."""
     try:
         return name.decode("utf-8")

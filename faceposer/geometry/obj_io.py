@@ -175,8 +175,10 @@ def read_obj(path: Path) -> PolygonMesh:
             )
         sizes.append(parsed.sizes)
         corners.append(parsed.corners)
-        has_textures = has_textures and parsed.textures is not None
-        textures = [*textures, parsed.textures] if has_textures and parsed.textures is not None else []
+        if parsed.textures is None:
+            has_textures = False
+        elif has_textures:
+            textures.append(parsed.textures)
         for first, keyword, rest in parsed.names:
             if keyword == "mtllib":
                 libraries[rest] = None
@@ -194,8 +196,7 @@ def read_obj(path: Path) -> PolygonMesh:
     if len(lengths) * columns > _MOST_CELLS:
         raise FacePoserError(
             f"The mesh '{path}' has {counted(len(lengths), 'face')} of up to {columns} corners, which is too "
-            f"many; export it with "
-            "faces of 3 or 4 corners."
+            "many; export it with faces of 3 or 4 corners."
         )
     return PolygonMesh(
         np.concatenate([*rows["v"], np.zeros((0, 3))]),
@@ -208,7 +209,7 @@ def read_obj(path: Path) -> PolygonMesh:
     )
 
 
-def obj_content(path: Path) -> bytes:
+def _content(path: Path) -> bytes:
     """Return the content of the OBJ file ``path`` as UTF-8 with each statement on a single line.
 
     Raises:
@@ -238,7 +239,7 @@ def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]
         OSError: If the file cannot be read.
         FacePoserError: If the line of a vertex is invalid.
     """
-    data = obj_content(path)
+    data = _content(path)
     vertices, faces = _run_of(data, b"v "), _run_of(data, b"f ")
     if vertices is not None and faces is not None:
         numbers = numbers_in(vertices.replace(b"\nv ", b"\n")[2:], np.float64)

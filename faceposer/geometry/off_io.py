@@ -39,14 +39,13 @@ def read_off(path: Path) -> PolygonMesh:
             if len(vertices[-1]) < 3:
                 raise _error(path, number, "a vertex has fewer than 3 coordinates")
         for number, words in _rows(path, lines, n_faces, "face", "faces"):
-            corners = [_integer(path, number, word) for word in words[: 1 + _MAX_CORNERS]]
-            count = corners[0]
+            count = _integer(path, number, words[0])
             if not 3 <= count <= _MAX_CORNERS:
                 # Points and segments are not faces.
                 if count in (1, 2):
                     continue
                 raise _error(path, number, f"a face has {counted(count, 'corner')}, not 3 to {_MAX_CORNERS}")
-            face = corners[1 : 1 + count]
+            face = [_integer(path, number, word) for word in words[1 : 1 + count]]
             if len(face) < count:
                 raise _error(path, number, f"a face of {count} corners has only {len(face)}")
             if min(face) < 0 or max(face) >= n_vertices:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,11 +76,8 @@ class MorphMesh:
 
 def pad_polygons(faces: list[tuple[int, ...]]) -> NDArray[np.int32]:
     """Return ``faces`` as an array of shape (F, K), padded with -1; K is the most corners and at least 3."""
-    lengths = np.fromiter((len(face) for face in faces), dtype=np.intp, count=len(faces))
-    padded = np.full((len(faces), max(3, int(lengths.max(initial=3)))), -1, dtype=np.int32)
-    for length in np.unique(lengths).tolist():
-        padded[lengths == length, :length] = [face for face in faces if len(face) == length]
-    return padded
+    lengths = np.array([len(face) for face in faces], dtype=np.int32)
+    return padded([np.fromiter(chain.from_iterable(faces), dtype=np.int32, count=int(lengths.sum()))], lengths)
 
 
 def padded(corners: list[NDArray[np.int32]], lengths: NDArray[np.int32]) -> NDArray[np.int32]:

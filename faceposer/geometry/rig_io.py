@@ -84,11 +84,10 @@ def _plausible(rig: MorphMesh, path: Path, align: bool) -> MorphMesh:
         vertices = neutral + offsets
         if not (np.isfinite(vertices).all() and offsets.any()):
             continue
-        if align and 2.0 * still_share(offsets.astype(np.float64), neutral) > 1.0 > 2.0 * still_share(
-            vertices, neutral
-        ):
+        as_positions = offsets.astype(np.float64)
+        if align and still_share(as_positions, neutral) > 0.5 > still_share(vertices, neutral):
             absolute.append(name)
-            vertices = offsets.astype(np.float64)
+            vertices = as_positions
         aligned = lay_on(vertices, neutral) if align else Alignment(vertices)
         report.add(name, aligned.change)
         reason = implausible(aligned.vertices, neutral, tree, edges, sized=not whole)

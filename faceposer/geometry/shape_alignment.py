@@ -224,7 +224,5 @@ class AlignmentReport:
         rest = sum(len(names) for _, names in order[_MOST_NOTES:])
         if rest:
             verb = "was" if rest == 1 else "were"
-            notes.append(
-                f"{counted(rest, 'further shape', 'further shapes')} {verb} laid on the neutral face likewise."
-            )
+            notes.append(f"{counted(rest, 'further shape')} {verb} laid on the neutral face likewise.")
         return tuple(notes)

@@ -17,6 +17,7 @@ from faceposer.geometry.shape_alignment import (
     Alignment,
     AlignmentReport,
     implausible,
+    implausible_size,
     in_another_unit,
     lay_on,
     search_tree,
@@ -68,21 +69,23 @@ def read_shape_folder(folder: Path, neutral: Path | None = None, align: bool = T
     reordered: list[str] = []
     report = AlignmentReport()
     tree, edges = search_tree(rest.vertices), edges_of(rest.polygons, rest.vertices)
+    extent = float(np.ptp(rest.vertices, axis=0).max())
     oversized: dict[str, str] = {}
     for name, path in names.items():
         positions, is_reordered = _positions(path, rest, neutral)
         reordered += [name] if is_reordered else []
         aligned = lay_on(positions, rest.vertices) if align else Alignment(positions)
         report.add(name, aligned.change)
-        for found, sized in ((unusable, False), (oversized, True)):
-            reason = implausible(aligned.vertices, rest.vertices, tree, edges, sized)
-            if reason:
-                found[name] = (
-                    f"The shape '{path}' is not an expression of the neutral face '{neutral}': {reason}; export all "
-                    "shapes in the unit of the neutral face, with the same vertices in the same order."
-                )
+        reason = implausible(aligned.vertices, rest.vertices, tree, edges, sized=False)
+        offsets = aligned.vertices - rest.vertices
+        too_large = "" if reason else implausible_size(np.linalg.norm(offsets, axis=1), extent)
+        if reason or too_large:
+            (unusable if reason else oversized)[name] = (
+                f"The shape '{path}' is not an expression of the neutral face '{neutral}': {reason or too_large}; "
+                "export all shapes in the unit of the neutral face, with the same vertices in the same order."
+            )
         with np.errstate(over="ignore"):
-            targets[name] = (aligned.vertices - rest.vertices).astype(np.float32)
+            targets[name] = offsets.astype(np.float32)
     if not (align and in_another_unit([*targets.values()], rest.vertices)):
         unusable = {**oversized, **unusable}
     textures, notes = read_obj_textures(neutral, rest)

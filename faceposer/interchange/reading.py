@@ -244,8 +244,8 @@ def _absent_note(absent: Sequence[str], count: int, title: str) -> str:
 def _known_names(names: Sequence[str], shapes: Sequence[str]) -> tuple[list[str], str]:
     """Return ``names`` with ARKit's names for those that are none of ``shapes``, and a note on how they were read."""
     match = match_with_ties(name for name in names if name not in shapes)
-    tied = {name: shape for shape, group in match.ties.items() for name in group}
-    return [match.shapes.get(name) or tied.get(name) or name for name in names], match.note
+    known = match.with_ties
+    return [known.get(name, name) for name in names], match.note
 
 
 def _check_spellings(path: Path, named: NamedWeights, names: list[str]) -> None:

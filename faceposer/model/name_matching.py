@@ -126,6 +126,11 @@ class NameMatch:
     ties: dict[str, tuple[str, ...]]
     note: str
 
+    @property
+    def with_ties(self) -> dict[str, str]:
+        """``shapes`` with all names of the ``ties``."""
+        return self.shapes | {name: shape for shape, names in self.ties.items() for name in names}
+
 
 def match_arkit(names: Iterable[str], where: str) -> NameMatch:
     """Match ``names`` with ARKit's shapes by the reading that finds most of them.

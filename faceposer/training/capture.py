@@ -73,28 +73,29 @@ class Clock:
             FacePoserError: If most of the time is empty.
         """
         count = len(self.seen)
+        stated, shown = rate or self.rate, shown_heading(self.heading)
         if not self.cells:
-            return frames_in_order(count, rate or self.rate)
-        numbers: Array | None
-        if not is_frame_number(self.heading):
-            times = times_of(self.heading, self.cells)
-            numbers = numbers_of(self.cells) if times is None else None
-            if numbers is not None and (np.diff(numbers) >= 1.0).all():
-                found = frames_numbered(numbers, str(path), rate or self.rate)
-                shown = shown_heading(self.heading)
-                why = f"The times in its column '{shown}' have no unit and rise like numbers of frames; they were read"
-                return replace(found, notes=(f"{why} as these.", *found.notes)) if count > 1 and rate is None else found
-            if times is None:
-                why = f"The times in its column '{shown_heading(self.heading)}' are not understood"
-                return frames_in_order(count, rate or self.rate, why)
+            return frames_in_order(count, stated)
+        is_numbered = is_frame_number(self.heading)
+        times = None if is_numbered else times_of(self.heading, self.cells)
+        if times is not None:
             placed = frames_at(times.seconds, str(path), rate)
             said = (times.note if rate is None and count > 1 and not placed.assumed else "", times.lost)
             return replace(placed, notes=(*filter(None, said), *placed.notes))
         numbers = numbers_of(self.cells)
-        if numbers is None:
-            why = f"Numbers of frames in its column '{shown_heading(self.heading)}' cannot be read"
-            return frames_in_order(count, rate or self.rate, why)
-        return frames_numbered(numbers, str(path), rate or self.rate)
+        if is_numbered:
+            if numbers is None:
+                return frames_in_order(count, stated, f"Numbers of frames in its column '{shown}' cannot be read")
+            return frames_numbered(numbers, str(path), stated)
+        if numbers is None or not (np.diff(numbers) >= 1.0).all():
+            return frames_in_order(count, stated, f"The times in its column '{shown}' are not understood")
+        found = frames_numbered(numbers, str(path), stated)
+        if count < 2 or rate is not None:
+            return found
+        why = (
+            f"The times in its column '{shown}' have no unit and rise like numbers of frames; they were read as these."
+        )
+        return replace(found, notes=(why, *found.notes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,18 +294,18 @@ def _face_cap(lines: _Lines, path: Path) -> tuple[list[str], _Lines]:
 def _columns(header: list[str], path: Path) -> tuple[dict[str, list[int]], tuple[str, ...]]:
     """Return the columns of each shape, in ARKit's order: one, or two for a split shape; and notes on their names."""
     match = match_with_ties(header)
-    shapes = match.shapes | {name: shape for shape, names in match.ties.items() for name in names}
+    shapes = match.with_ties
     found: defaultdict[str, list[int]] = defaultdict(list)
     for column, name in enumerate(header):
         if name in shapes:
             found[whole_shape_of(shapes[name])].append(column)
     notes = [match.note] if match.note else []
     for shape in _SPLIT:
-        whole = [column for column in found[shape] if shapes[header[column]] == shape]
-        if whole and len(whole) < len(found[shape]):
+        columns = found.get(shape, [])
+        whole = [column for column in columns if shapes[header[column]] == shape]
+        if whole and len(whole) < len(columns):
             notes.append(f"The halves of {shape} are not used, since the whole is in column '{header[whole[0]][:60]}'.")
             found[shape] = whole
-    found = defaultdict(list, {shape: columns for shape, columns in found.items() if columns})
     for shape, columns in found.items():
         names = {header[column].lower() for column in columns}
         if len(names) < len(columns) or len(columns) > (2 if shape in _SPLIT else 1):

@@ -190,9 +190,7 @@ def _shape_notes(
             )
             notes.append(f"The shape {names[0]} {one}{detail}; check it.")
         elif names:
-            rest = len(names) - _LISTED
-            listed = ", ".join(names[:_LISTED]) + (f" and {rest} more" if rest > 0 else "")
-            notes.append(f"{len(names)} shapes {many}: {listed}; check them.")
+            notes.append(f"{len(names)} shapes {many}: {_listed(names)}; check them.")
     return notes
 
 
@@ -201,12 +199,15 @@ def _uneven_notes(uneven: list[str]) -> list[str]:
     if not uneven:
         return []
     verb = "moves" if len(uneven) == 1 else "move"
-    rest = len(uneven) - _LISTED
-    listed = ", ".join(uneven[:_LISTED]) + (f" and {rest} more" if rest > 0 else "")
     return [
-        f"{counted(len(uneven), 'shape', 'shapes')} ({listed}) {verb} neighbouring vertices in different directions, "
+        f"{counted(len(uneven), 'shape')} ({_listed(uneven)}) {verb} neighbouring vertices in different directions, "
         "as with noise, or with vertices in another order; check the mesh."
     ]
+
+
+def _listed(names: list[str]) -> str:
+    rest = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def _plain(number: float) -> str:

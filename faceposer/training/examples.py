@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from faceposer.files.names import displayable
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
 from faceposer.geometry.mesh_sequence import MeshSequence, open_sequence
 from faceposer.geometry.mtl_io import read_obj_textures
-from faceposer.geometry.shape_alignment import implausible, lay_on
+from faceposer.geometry.shape_alignment import implausible, lay_on, search_tree
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.training.assemble import CanonicalMesh, assemble
@@ -33,6 +33,10 @@ from faceposer.training.measures import Curves, curves_of
 from faceposer.training.mode_statistics import statistics_of_modes
 from faceposer.training.modes import Modes, learn_modes, local_metric
 from faceposer.training.segments import Segments, face_segments, find_segments, whole_face
+
+if TYPE_CHECKING:
+    # Imported late to shorten the start of the window.
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -212,9 +216,10 @@ def _aligned_sample(sequence: MeshSequence, source: str, progress: Progress) -> 
         sample /= sizes[:, None, None].astype(np.float32)
     try:
         steady = steady_vertices(sample, neutral)
+        tree = search_tree(neutral)
         for number, frame in zip(numbers, sample, strict=True):
             laid = rigid_alignment(frame[steady], neutral[steady], scale=scaled).apply(frame)
-            _refuse_implausible(sequence, number, laid, neutral)
+            _refuse_implausible(sequence, number, laid, tree)
             frame[:] = laid - neutral
     except ValueError as error:
         raise FacePoserError(f"The meshes of '{source}' cannot be aligned: {error}.") from error
@@ -245,13 +250,17 @@ def _plain_factor(size: float) -> float:
     return next((unit for unit in _COMMON_UNITS if abs(size / unit - 1.0) < _NEAR_UNIT), size)
 
 
-def _refuse_implausible(sequence: MeshSequence, number: int, vertices: Array, neutral: Array) -> None:
-    """Raise a FacePoserError if the aligned ``vertices`` of a frame cannot be an expression."""
-    reason = implausible(vertices, neutral)
+def _refuse_implausible(sequence: MeshSequence, number: int, vertices: Array, tree: "cKDTree") -> None:
+    """Raise a FacePoserError if the aligned ``vertices`` of a frame cannot be an expression.
+
+    ``tree`` is the search tree of the neutral.
+    """
+    neutral = sequence.neutral.vertices
+    reason = implausible(vertices, neutral, tree)
     if not reason:
         return
     flipped = lay_on(vertices * (-1.0, 1.0, 1.0), neutral).vertices
-    raise implausible_frame(sequence, number, reason if implausible(flipped, neutral) else "it is mirrored")
+    raise implausible_frame(sequence, number, reason if implausible(flipped, neutral, tree) else "it is mirrored")
 
 
 @contextmanager

@@ -281,16 +281,12 @@ def _in_range(curves: list[_Curve], path: Path) -> tuple[list[_Curve], tuple[str
         )
     if not found[1]:
         return curves, ()
-    scaled = [
-        replace(
-            curve,
-            weights=curve.weights / 100.0,
-            tangents=None if curve.tangents is None else curve.tangents / 100.0,
+    scaled = list(curves)
+    for i in ours:
+        tangents = curves[i].tangents
+        scaled[i] = replace(
+            curves[i], weights=curves[i].weights / 100.0, tangents=None if tangents is None else tangents / 100.0
         )
-        if i in set(ours)
-        else curve
-        for i, curve in enumerate(curves)
-    ]
     return scaled, (found[1],)
 
 

@@ -58,8 +58,6 @@ def as_document(content: bytes) -> bytes:
         if b"\0" in content[:2]:
             # The first character of JSON is a Latin one.
             content = content.decode("utf-16-be" if content[:1] == b"\0" else "utf-16-le", "replace").encode("utf-8")
-        elif content[1:2] == b"\0":
-            content = content.decode("utf-16-le", "replace").encode("utf-8")
     first, _, rest = content.removeprefix(codecs.BOM_UTF8).strip().partition(b"\n")
     if len(first) > _LONGEST_LINE or first[:1] not in (b"{", b"[") or rest.lstrip()[:1] not in (b"{", b"["):
         return content

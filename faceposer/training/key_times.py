@@ -45,10 +45,11 @@ def sampling(keys: Sequence[Array], most: int, rate: float | None = None) -> Sam
     """
     times = np.unique(np.concatenate(list(keys)))
     since = times - times[0]
-    found, note = _rate(since, max(keys, key=len))
-    if note and rate is not None:
-        found, note = rate, note.replace(f"{found:.5g}", f"{rate:.5g}")
+    found, are_frames = _rate(since, max(keys, key=len))
     found = rate or found
+    note = (
+        "" if are_frames else f"Its keys are {apart(since)}; they were interpolated at {found:.5g} frames per second."
+    )
     frames = float(since[-1]) * found
     if not frames + 1.0 <= most:
         return frames + 1.0
@@ -57,9 +58,10 @@ def sampling(keys: Sequence[Array], most: int, rate: float | None = None) -> Sam
     return Sampling(times[0] + np.arange(count) / found, found, note)
 
 
-def _rate(since: Array, densest: Array) -> tuple[float, str]:
+def _rate(since: Array, densest: Array) -> tuple[float, bool]:
+    """Return the frames per second for keys at seconds ``since`` the first, and True if the keys are frames."""
     if len(since) < 2:
-        return USUAL_RATE, ""
+        return USUAL_RATE, True
     steps = np.diff(since)
     dense = np.diff(densest) if len(densest) > 1 else steps
     measured = 1.0 / float(np.median(dense))
@@ -67,6 +69,5 @@ def _rate(since: Array, densest: Array) -> tuple[float, str]:
         # Equal keys in a row are often left out, so that one step is not the rate, but most are.
         found = round(min(nearest_known(measured, _CLOCK), _FASTEST), 2)
         if np.abs(since * found - np.rint(since * found)).max() <= _EVEN or found >= USUAL_RATE:
-            return found, ""
-    found = key_rate(since)
-    return found, f"Its keys are {apart(since)}; they were interpolated at {found:.5g} frames per second."
+            return found, True
+    return key_rate(since), False

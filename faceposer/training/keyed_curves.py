@@ -12,6 +12,7 @@ from faceposer.files.sample_times import assumed_rate
 from faceposer.files.time_columns import is_frame_number, is_time, times_of
 from faceposer.model.name_matching import match_with_ties
 from faceposer.model.shape_names import canonical_shape, names_shape
+from faceposer.training.json_values import is_number
 from faceposer.training.key_times import Sampling, sampling
 
 Array = NDArray[np.float64]
@@ -50,8 +51,8 @@ def curve_of(value: Any, depth: int = 0) -> Curve | None:
         return curve_of(inner[0], depth + 1) if len(inner) == 1 and depth < 3 else None
     if not isinstance(value, list) or not value or not all(isinstance(key, dict) for key in value):
         return None
-    heading = next((key for key, own in value[0].items() if _is_clock(key) and _number(own)), None)
-    name = next((key for key in _VALUES if _number(value[0].get(key))), None)
+    heading = next((key for key, own in value[0].items() if _is_clock(key) and is_number(own)), None)
+    name = next((key for key in _VALUES if is_number(value[0].get(key))), None)
     if heading is None or name is None:
         return None
     times, weights = [key.get(heading) for key in value], [key.get(name) for key in value]
@@ -74,13 +75,13 @@ def sampled(curves: Mapping[str, Curve], rate: float | None, most: int) -> tuple
     heading = next(iter(curves.values())).heading
     times = np.unique(np.concatenate([curve.times for curve in curves.values()]))
     notes: tuple[str, ...] = ()
-    seconds = times
     if is_frame_number(heading):
-        frames = times[0] + np.arange(np.ceil(np.ptp(times)) + 1.0) if np.ptp(times) < most else None
-        if frames is None:
+        if np.ptp(times) >= most:
             return None
+        frames = times[0] + np.arange(np.ceil(np.ptp(times)) + 1.0)
         notes = () if rate else (assumed_rate("Its keys are at frames, and it does not state a rate"),)
         return _at(frames, curves), rate or USUAL_RATE, notes
+    seconds = times
     read = times_of(heading, [repr(time) for time in times.tolist()])
     steps = np.diff(times)
     if read is not None and len(steps) and float(np.median(steps)) >= _MILLISECONDS:
@@ -140,9 +141,5 @@ def _is_clock(key: Any) -> bool:
     return isinstance(key, str) and (is_time(key) or is_frame_number(key))
 
 
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def _numbers(value: Any) -> bool:
-    return isinstance(value, list) and bool(value) and all(map(_number, value))
+    return isinstance(value, list) and bool(value) and all(map(is_number, value))

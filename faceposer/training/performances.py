@@ -13,7 +13,7 @@ from faceposer.model.character_file import load_character
 from faceposer.model.expression_statistics import ExpressionStatistics
 from faceposer.model.face_model import gram_of_weights
 from faceposer.progress import Progress
-from faceposer.training.capture import Capture
+from faceposer.training.capture import Capture, missing_shapes
 from faceposer.training.expressions import Recipe, augment, clean, learn, shapes_of
 from faceposer.training.mfa import convergence_recorded
 from faceposer.training.recordings import read_recording
@@ -87,7 +87,7 @@ def learn_from_captures(
         progress.at("Reading the performances", i / len(paths))
         captures.append(read_recording(path))
         if len(captures[-1].weights) < _FEWEST_FRAMES:
-            found = counted(len(captures[-1].weights), "frame", "frames")
+            found = counted(len(captures[-1].weights), "frame")
             raise FacePoserError(
                 f"The capture '{path}' has {found} with a face, too few to learn from; record at least "
                 f"{_FEWEST_FRAMES} frames."
@@ -101,7 +101,6 @@ def learn_from_captures(
     )
     with convergence_recorded() as messages:
         statistics = learn(captures, recipe, "Learned from the user's performances.", _metric(names))
-    missing = tuple(name for name in captures[0].missing if all(name in capture.missing for capture in captures))
     takes = tuple((path.name, len(capture.weights)) for path, capture in zip(paths, captures, strict=True))
     lost = tuple(capture.lost for capture in captures)
     assumptions = tuple(
@@ -109,7 +108,9 @@ def learn_from_captures(
         for path, capture in zip(paths, captures, strict=True)
         for note in capture.notes
     )
-    return LearnedStatistics(statistics, replace(choice, converged=not messages), takes, missing, lost, assumptions)
+    return LearnedStatistics(
+        statistics, replace(choice, converged=not messages), takes, missing_shapes(captures), lost, assumptions
+    )
 
 
 def _metric(names: Sequence[str]) -> Array:

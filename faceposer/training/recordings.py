@@ -53,7 +53,7 @@ def read_recording(path: Path) -> Capture:
         return read_capture(path)
     named = read_named(path)
     match = match_with_ties(named.names)
-    shapes = match.shapes | {name: shape for shape, names in match.ties.items() for name in names}
+    shapes = match.with_ties
     found = {shape: _weights(named, shapes, shape) for shape in ARKIT_SHAPES}
     used = [shape for shape, weights in found.items() if weights is not None]
     if not used:

@@ -103,7 +103,7 @@ def _lines_of(summary: Mapping[str, Any], character: Character) -> list[str]:
         lines.append(
             f"held-out expressions are met to {10 * curves['generalization_cm'][-1]:.2f} mm "
             f"(neutral: {10 * curves['neutral_cm']:.2f} mm) with "
-            f"{counted(curves['components'][-1], 'component', 'components')}"
+            f"{counted(curves['components'][-1], 'component')}"
         )
     return lines + [f"Note: {warning}" for warning in summary.get("warnings", [])]
 
@@ -128,8 +128,8 @@ def _prior_lines(prior: dict[str, Any]) -> list[str]:
     if "components" not in prior:
         return [f"prior: {prior['from']}"] if prior else []
     lines = [
-        f"prior: {counted(prior['components'], 'factor analyzer', 'factor analyzers')} of "
-        f"{counted(prior['factors'], 'factor', 'factors')}"
+        f"prior: {counted(prior['components'], 'factor analyzer')} of "
+        f"{counted(prior['factors'], 'factor')}"
         f"{', set by the user' if prior['fixed_by_user'] else ', chosen by cross-validation'} (log-likelihood "
         f"{prior['held_out_log_likelihood']:.1f}; one Gaussian {prior['one_gaussian']:.1f})"
     ]

@@ -73,8 +73,9 @@ def kept_rows(
             kept[last:] = False
             shown = cells[last]
             what = f"'{short_name(shown)}' in place of a time" if shown else "no time"
-            rows = "Its last row has" if last == len(cells) - 1 else f"Its last {len(cells) - last} rows have"
-            notes.append(f"{rows} {what}; {'it was' if rows.startswith('Its last row') else 'they were'} left out.")
+            count = len(cells) - last
+            rows, were = ("row has", "it was") if count == 1 else (f"{count} rows have", "they were")
+            notes.append(f"Its last {rows} {what}; {were} left out.")
     same = np.array([False, *(bool(one) and one == two for one, two in itertools.pairwise(cells))]) & kept
     repeats = np.flatnonzero(same)
     equal = [i for i in repeats.tolist() if weights[i] is not None and _same(weights[i], weights[i - 1])]
@@ -92,38 +93,36 @@ def _same(one: Array | None, other: Array | None) -> bool:
 
 def _known(heading: str, cells: Sequence[str]) -> Mask:
     """Return which of the ``cells`` have a time or the number of a frame."""
-    if is_frame_number(heading):
-        return np.array([decimal_number(cell) is not None for cell in cells])
-    found = times_of(heading, cells)
+    found = None if is_frame_number(heading) else times_of(heading, cells)
     if found is None:
         return np.array([decimal_number(cell) is not None for cell in cells])
     return np.isfinite(found.seconds)
 
 
-def unread_note(names: Sequence[str], shapes: Sequence[str] = ARKIT_SHAPES, kind: str = "column") -> str:
-    """Return the sentence about ``names`` that are none of ARKit's shapes, with guesses from ``shapes``, or "".
+def unread_note(names: Sequence[str]) -> str:
+    """Return the sentence about columns with ``names`` that are none of ARKit's shapes, with guesses, or "".
 
     Times, numbers of frames, rotations and other columns of known programs are left out.
     """
     unread = [name.strip() for name in names if not _is_other(name)]
     if not unread:
         return ""
-    guesses = {name: guess for name in unread[:_MOST_GUESSED] if (guess := guessed(name, shapes))}
+    guesses = {name: guess for name in unread[:_MOST_GUESSED] if (guess := guessed(name))}
     shown = [*guesses, *(name for name in unread if name not in guesses)][:3]
     listed = ", ".join(
         f"'{short_name(name[:_LONGEST_NAME])}'" + (f" ({guesses[name]}?)" if name in guesses else "") for name in shown
     )
     rest = len(unread) - len(shown)
-    what = counted(len(unread), kind, f"{kind}s")
+    what = counted(len(unread), "column")
     return f"{what} {'was' if len(unread) == 1 else 'were'} not read: {listed}{f' and {rest} more' if rest else ''}."
 
 
-def guessed(name: str, shapes: Sequence[str] = ARKIT_SHAPES) -> str | None:
-    """Return the one of ``shapes`` that ``name`` misspells, or None."""
+def guessed(name: str) -> str | None:
+    """Return the one of ARKit's shapes that ``name`` misspells, or None."""
     letters = _letters(name)
     if not 4 <= len(letters) <= _LONGEST_NAME:
         return None
-    by_letters = {shape.lower(): shape for shape in shapes}
+    by_letters = {shape.lower(): shape for shape in ARKIT_SHAPES}
     close = difflib.get_close_matches(letters, list(by_letters), 1, _LIKE)
     return by_letters[close[0]] if close else None
 

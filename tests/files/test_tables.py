@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from faceposer.errors import FacePoserError
-from faceposer.files.tables import decimal_number, open_table
+from faceposer.files.tables import decimal_number, decimal_numbers, open_table
 
 ROWS = [["time", "größe", "jaw open"], ["0.5", "1", "0.25"], ["1.5", "2", "0.75"]]
 
@@ -91,3 +91,6 @@ def test_numbers_are_strict() -> None:
     assert decimal_number(" -1,5e2 ") == -150.0
     for text in ("", "1_0", "nan", "inf", "1e999", "1.000,5", "0x1", "²", "１"):  # noqa: RUF001
         assert decimal_number(text) is None
+        assert decimal_numbers(["0.5", text]) is None
+    assert decimal_numbers(["0.5", " 1e2"]) == [0.5, 100.0]
+    assert decimal_number("\xa00.5") == 0.5
