@@ -2,7 +2,7 @@
 
 Attributes of the whole person (gender, age, ...) are regressed on heads with labels: for heads x = D t + n with
 MakeHuman's directions D, labels t and the covariance C of all other variation, the best unbiased linear estimate is
-t = (D' C^-1 D)^-1 D' C^-1 x, in which rigid motion and size are further, unknown labels. Attributes of the face are
+t = (D' C^-1 D)^-1 D' C^-1 x, in which the size is a further, unknown label; C is that of the statistics. Attributes of the face are
 distances between places of the skin along the axes of the head. With L for all these functionals, the shortest change
 of x in the metric of C that changes measurement k by 1 and no other is column k of C L' (L C L')^-1: equation (3) of
 V. Blanz and T. Vetter, "A morphable model for the synthesis of 3D faces" (1999), with further equations that keep the
@@ -10,24 +10,38 @@ other attributes.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from faceposer.identity.attributes import quantised, without_motion
+from faceposer.identity.model import IdentityModel
+from scripts.asset_building.builder import Builder
 from scripts.asset_building.head import LASH_RING, Skin
+from scripts.asset_building.landmarks import hidden_ids
 from scripts.asset_building.piece import Floats, Ints
-from scripts.identity_building.targets import HeadTargets, rigid_generators
+from scripts.identity_building.targets import HeadTargets
 
 #: Share of the range of a pair of details, from no change to its end, that counts as one standard deviation.
-_DETAIL_DEVIATION = 0.3
-#: Deviation of each vertex apart from all statistics, in centimetres.
-_NOISE = 0.05
+_DETAIL_DEVIATION = 0.12
+#: Deviation of what the modes do not explain along each of them, in the unit of the length of a whole head.
+_UNEXPLAINED = 4.0
 #: Details that belong to the weight of a head, which the macro targets change little.
 _WEIGHT_DETAILS = {"head/fat": 0.8}
 #: Details that move so much of the skull that they would stand in for anything.
 _LEFT_OUT = ("forehead/nubian", "head/angle", "ears/trans")
 #: Standard deviations from the average head to the end of an attribute's range.
 _RANGE = 2.5
+#: Natural values of attributes of the person, in MakeHuman's labels relative to the average head.
+_LIMITS = {"age": (-0.6, 1.0), "african": (-0.4, 0.65), "asian": (-0.4, 0.65), "caucasian": (-0.4, 0.65)}
+#: Root mean square of the odd part of a head, in centimetres, at the end of the slider.
+_ASYMMETRY = 0.12
+_CREDITS = (
+    "Directions of people and details of faces: MakeHuman's targets (CC0 1.0). Covariance: the morphable model of "
+    "identity.npz."
+)
 
 X, Y, Z = 0, 1, 2
 #: Places on the base mesh in centimetres, in the middle or on the left.
@@ -209,7 +223,6 @@ PERSON = {
     "gender": ("Gender", "male", "female"),
     "age": ("Age", "young", "old"),
     "weight": ("Weight", "slim", "heavy"),
-    "muscle": ("Muscle", "slack", "muscular"),
     "african": ("African", "less", "more"),
     "asian": ("Asian", "less", "more"),
     "caucasian": ("Caucasian", "less", "more"),
@@ -236,24 +249,25 @@ def variation(person: Floats, details: dict[str, Floats], modes: Floats) -> Floa
     return np.concatenate([modes, 0.5 * person, _DETAIL_DEVIATION * np.stack(kept)])
 
 
-def person_functionals(place: Floats, person: Floats, factor: Floats) -> Floats:
+def person_functionals(place: Floats, person: Floats, modes: Floats) -> Floats:
     """Return the functionals that estimate the labels of `PERSON`, shape (P, 3 C).
+
+    Only what the statistics explain is used: elsewhere, MakeHuman's heads differ from scans by their style.
 
     Args:
         place: The average head, shape (C, 3).
         person: Directions of `PERSON`; those of the ethnicities add up to zero. Shape (P, 3 C).
-        factor: Factor of the covariance, shape (R, 3 C).
+        modes: Modes times their deviations, even part, shape (M, 3 C).
     """
     n = len(person)
     contrast = np.eye(n)[:, :-1]
     contrast[-1, -2:] = -1.0
     # With t = contrast s, the directions of n - 1 independent labels s; the shares of the ethnicities add up to zero.
-    directions = contrast.T @ person
-    moves = np.concatenate([rigid_generators(place), place.reshape(-1, 1)], axis=1).T
-    unknown = np.concatenate([directions, moves])
-    inner = np.eye(len(factor)) + factor @ factor.T / _NOISE**2
-    whitened = (unknown - (unknown @ factor.T) @ np.linalg.solve(inner, factor) / _NOISE**2) / _NOISE**2
-    return contrast @ np.linalg.solve(unknown @ whitened.T, whitened)[: n - 1]
+    size = (place - place.mean(axis=0)).reshape(1, -1)
+    unknown = np.concatenate([contrast.T @ person, size])
+    # Coefficients of a head in deviations, between which differences of people have unit covariance.
+    coefficients = np.linalg.solve(modes @ modes.T + _UNEXPLAINED**2 * np.eye(len(modes)), modes)
+    return contrast @ (np.linalg.pinv(coefficients @ unknown.T) @ coefficients)[: n - 1]
 
 
 def place_ids(skin: Skin, place: Floats, outside: Ints) -> dict[str, int]:
@@ -306,3 +320,48 @@ def face_functionals(skin: Skin, ids: dict[str, int], average: Floats) -> Floats
             whole = names.index(measure.relative_to)
             result[k] -= lengths[k] / lengths[whole] * absolute[whole]
     return result
+
+
+def build_attributes(builder: Builder, model: IdentityModel) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return metadata and arrays of the file of attributes, for heads of ``model``."""
+    targets, skin = HeadTargets(builder), builder.skin
+    c = len(skin.base_ids)
+    details = targets.details()
+    person = person_directions(targets, details)
+    modes = np.stack([targets.even(mode.ravel()) for mode in model.basis])
+    factor = variation(person, details, modes)
+    smoothing = skin.fine.matrix[:c]
+
+    def points(rows: Floats) -> Floats:
+        return np.stack([(smoothing @ row.reshape(c, 3)).ravel() for row in rows])
+
+    average = smoothing @ model.mean_vertices
+    # "caucasian" is minus the sum of the other two.
+    labels = person_functionals(average, points(person), points(modes))[:-1]
+    outside = np.setdiff1d(np.arange(c), hidden_ids(skin, builder.place))
+    lengths = face_functionals(skin, place_ids(skin, builder.place[:c], outside.astype(np.int32)), average)
+    rows = np.concatenate([labels, lengths])
+    free = without_motion(rows, average, targets.weights)
+    directions = (free @ points(factor).T) @ factor
+    spread = np.sqrt(np.square(free @ points(modes).T).sum(axis=1))
+    patterns = np.stack(list(targets.asymmetries().values()))
+    arrays: dict[str, NDArray[Any]] = {
+        **quantised("functionals", rows.reshape(-1, c, 3)),
+        **quantised("directions", directions.reshape(-1, c, 3)),
+        **quantised("patterns", patterns.reshape(-1, c, 3)),
+        "weights": targets.weights.astype(np.uint8),
+    }
+    entries: list[dict[str, Any]] = []
+
+    def add(name: str, group: str, texts: tuple[str, str, str], unit: str = "", average: float = 0.0, scale: float = 1.0, limits: tuple[float, float] = (-1.0, 1.0), relative_to: str = "") -> None:
+        entry = dict(zip(("title", "less", "more"), texts, strict=True))
+        entries.append({"name": name, "group": group, **entry, "unit": unit, "average": average, "scale": scale, "limits": limits, "relative_to": relative_to})
+
+    for name in [name for name in PERSON if name != "caucasian"]:
+        add(name, "Person", PERSON[name], limits=_LIMITS.get(name, (-1.0, 1.0)))
+    for (name, measure), row, deviation in zip(MEASURES.items(), lengths, spread[len(labels) :], strict=True):
+        middle = float(row @ average.ravel()) if not measure.relative_to else 0.0
+        add(name, measure.group, (measure.title, measure.less, measure.more), "cm", middle, _RANGE * float(deviation), relative_to=measure.relative_to)
+    add("caucasian", "Person", PERSON["caucasian"], limits=_LIMITS["caucasian"])
+    add("asymmetry", "Face", ("Asymmetry", "even", "uneven"), "cm", 0.0, _ASYMMETRY, (0.0, 1.0))
+    return {"attributes": entries, "credits": _CREDITS}, arrays
