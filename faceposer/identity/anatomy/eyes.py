@@ -29,6 +29,8 @@ _BEFORE = 0.02
 #: Least and greatest overlap of closed lids in radians, as seen from the eye's centre, unless the reference's have less
 #: or more, and number of vertices over which corrections are averaged.
 _OVERLAP, _PRESSED, _EVENED = 0.008, 0.034, 1.0
+#: Number of times that a blink is closed and kept off the ball.
+_ROUNDS = 2
 #: Share of the upper lid in corrections of a blink.
 _UPPER = 0.8
 
@@ -132,10 +134,15 @@ class EyeFit:
         """Return ``shapes`` (S, N, 3) of ``skin`` with a blink that closes and lids that follow the gaze."""
         result = shapes.copy()
         blink = names.index(f"eyeBlink{self.side}")
-        result[blink] = self.closed(skin, result[blink], ball)
         for action, offsets in gaze_lids(skin, self.ring, ball.centre).items():
             result[names.index(f"eye{action}{self.side}")] = offsets
-        return keep_clear(skin, result, self._socket, ball.centre, ball.radius)
+        result = keep_clear(skin, result, self._socket, ball.centre, ball.radius)
+        # What keeps a half closed lid off the ball also moves the closed one.
+        for _ in range(_ROUNDS):
+            closed = self.closed(skin, result[blink], ball)
+            result[blink] = keep_clear(skin, closed[None], self._socket, ball.centre, ball.radius)[0]
+        result[blink] = self.closed(skin, result[blink], ball)
+        return result
 
     def closed(self, skin: Floats, blink: Floats, ball: Ball) -> Floats:
         """Return the shape ``blink`` (N, 3) of ``skin``, turned about the eye so that the lids' edges just overlap."""
