@@ -10,8 +10,16 @@ from scipy.spatial import cKDTree
 from faceposer.identity.anatomy.eyeballs import place_eye, surface_radius
 from faceposer.identity.anatomy.falloff import ramp
 from faceposer.identity.anatomy.lids import gaze_lids, keep_clear, tuck_socket, upper_and_lower
-from faceposer.identity.anatomy.loops import LASH_RING, LID_RINGS, SOCKET_RINGS, ordered_ring, rings
-from faceposer.identity.anatomy.topology import Topology
+from faceposer.identity.anatomy.loops import (
+    LASH_RING,
+    LID_RINGS,
+    SOCKET_RINGS,
+    among,
+    fine_loop,
+    ordered_ring,
+    rings,
+)
+from faceposer.identity.template import HeadTemplate
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -50,22 +58,24 @@ class EyeFit:
         side: "Left" or "Right".
         ball: The reference's eyeball.
         ring: The closed loop of vertices that the lashes grow from, in order.
-        lid: Control vertices around that loop.
+        halves: Its upper and its lower half, each from the inner to the outer corner.
+        lid: Control vertices around it.
     """
 
-    def __init__(self, side: str, topology: Topology, skin: Floats, blink: Floats, ball: Ball) -> None:
+    def __init__(self, side: str, template: HeadTemplate, skin: Floats, blink: Floats, ball: Ball) -> None:
         """Measure the reference's ``skin``, (N, 3), with its shape ``blink``, (N, 3), and eyeball ``ball``."""
         start = _SOCKETS[side]
-        around = rings(topology.quads, start, LASH_RING + 6)
-        loop = ordered_ring(topology.quads, around[LASH_RING])
+        around = rings(template.control_quads, start, LASH_RING + 6)
+        loop = ordered_ring(template.control_quads, around[LASH_RING])
         self.side, self.ball = side, ball
-        self.ring = topology.fine_loop(loop)
+        self.ring = fine_loop(template.fine, loop)
+        self.halves = upper_and_lower(skin, self.ring, side)
         self.lid = np.concatenate(around[LASH_RING - 2 : LASH_RING + 4])
-        self._socket = topology.among(np.concatenate(around[: SOCKET_RINGS + 1]))
+        self._socket = among(template.fine, np.concatenate(around[: SOCKET_RINGS + 1]))
         self._edges = np.concatenate(around[LASH_RING - 1 : LASH_RING + 1])
         self._corners = loop[[skin[loop, 0].argmin(), skin[loop, 0].argmax()]]
-        margin = topology.among(np.concatenate([around[k] for k in LID_RINGS]))
-        inside = topology.among(np.concatenate(around[: LASH_RING + 1]))
+        margin = among(template.fine, np.concatenate([around[k] for k in LID_RINGS]))
+        inside = among(template.fine, np.concatenate(around[: LASH_RING + 1]))
         self._margin, self._rest_lids = margin, skin[self._edges]
         self._width = float(np.linalg.norm(np.diff(skin[self._corners], axis=0)))
         self._share = np.linalg.norm(skin[self._edges] - ball.centre, axis=1) / ball.radius
@@ -147,7 +157,7 @@ class EyeFit:
     def closed(self, skin: Floats, blink: Floats, ball: Ball) -> Floats:
         """Return the shape ``blink`` (N, 3) of ``skin``, turned about the eye so that the lids' edges just overlap."""
         result = blink.copy()
-        is_upper = np.isin(self.ring, upper_and_lower(skin, self.ring, self.side)[0][1:-1])
+        is_upper = np.isin(self.ring, self.halves[0][1:-1])
         share = np.where(is_upper, -_UPPER, 1.0 - _UPPER)
         for _ in range(3):
             gap = self._gaps(skin, result, ball.centre)
@@ -162,8 +172,7 @@ class EyeFit:
         """Return the angle between the edges of the closed lids at each vertex of the ring, in radians, shape (n,)."""
         places = _seen(skin[self.ring] + blink[self.ring], centre)
         by_vertex = dict(zip(self.ring.tolist(), places.tolist(), strict=True))
-        halves = upper_and_lower(skin, self.ring, self.side)
-        above, below = (np.array(sorted(by_vertex[vertex] for vertex in half.tolist())).T for half in halves)
+        above, below = (np.array(sorted(by_vertex[vertex] for vertex in half.tolist())).T for half in self.halves)
         gaps: Floats = np.interp(places[:, 0], *above) - np.interp(places[:, 0], *below)
         return gaps
 

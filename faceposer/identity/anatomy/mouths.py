@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from faceposer.identity.anatomy.falloff import ramp
 from faceposer.identity.anatomy.jaw import OPENING, condyle, jaw_opening, jaw_rotation
 from faceposer.identity.anatomy.lids import upper_and_lower
-from faceposer.identity.anatomy.topology import Topology
+from faceposer.identity.anatomy.loops import edge_loop, faces_at_edges, fine_loop
+from faceposer.identity.template import HeadTemplate
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -48,9 +49,11 @@ class Place:
 class MouthFit:
     """Mouth of a reference head, for fitting those of other heads of the same topology."""
 
-    def __init__(self, topology: Topology, skin: Floats, opening: Floats) -> None:
+    def __init__(self, template: HeadTemplate, skin: Floats, opening: Floats) -> None:
         """Measure the reference's ``skin``, (N, 3), and its shape jawOpen, ``opening``, (N, 3)."""
-        self._loop = topology.fine_loop(topology.loop_through(_LIP_CONTACT, skin))
+        faces_at = faces_at_edges(template.control_quads, range(len(template.control_quads)))
+        contact_ids = np.array(edge_loop(faces_at, skin, _LIP_CONTACT), dtype=np.int32)
+        self._loop = fine_loop(template.fine, contact_ids)
         self._upper, self._lower = upper_and_lower(skin, self._loop, "Left")
         contact = skin[self._loop]
         self._middle = self._loop[np.abs(contact[:, 0]) < _MIDDLE]
