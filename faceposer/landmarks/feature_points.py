@@ -2,8 +2,7 @@
 
 The landmarks of the built-in man and his feature points are known. The space around him is bent so that his landmarks
 come to lie on those of the other face; his feature points move along, and the nearest places of the surface are theirs.
-The bend is a similarity followed by the smoothest displacement that nearly interpolates (kernel -r in three dimensions,
-with a ridge: Carr et al., "Reconstruction and representation of 3D objects with radial basis functions", 2001).
+The bend is that of `faceposer.geometry.space_bending`.
 """
 
 from collections.abc import Mapping
@@ -12,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
+from faceposer.geometry.space_bending import bend
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import MeshLandmarks
 from faceposer.landmarks.points import Landmarks
@@ -86,7 +85,7 @@ def bent(found: MeshLandmarks, places: Array) -> Array:
     known = np.isfinite(found.points).all(axis=1)
     spread = np.nan_to_num(found.spread[known]) * float(found.frame.scale)
     ridge = _RIDGE + _PER_SPREAD * spread**2
-    moved = _bent(reference().places[known], found.frame.apply(found.points[known]), ridge, places)
+    moved = bend(places, reference().places[known], found.frame.apply(found.points[known]), ridge)
     return found.frame.inverse().apply(moved)
 
 
@@ -97,21 +96,10 @@ def feature_pixels(found: Landmarks) -> Mapping[str, tuple[float, float]]:
     wanted = man.vertices[[man.feature_points[name] for name in names]].astype(np.float64)
     # Pixels have y down and the depth away from the viewer; the ridge is far below the distances of the points.
     upright = found.points * (1.0, -1.0, -1.0)
-    places = _bent(reference().places, upright, np.full(len(upright), _RIDGE), wanted)[:, :2] * (1.0, -1.0)
+    places = bend(wanted, reference().places, upright, np.full(len(upright), _RIDGE))[:, :2] * (1.0, -1.0)
     for name, iris in zip(_PUPILS, found.iris, strict=True):
         places[names.index(name)] = iris[0, :2]
     return {name: (float(u), float(v)) for name, (u, v) in zip(names, places.tolist(), strict=True)}
-
-
-def _bent(source: Array, target: Array, ridge: Array, places: Array) -> Array:
-    """Return ``places``, (n, 3), moved as ``source`` to ``target``, (m, 3), with a ``ridge`` of each, (m,)."""
-    laid = rigid_alignment(source, target, 1.0 / ridge, scale=True)
-    ones = np.ones((len(source), 1))
-    kernel = np.diag(ridge) - np.linalg.norm(source[:, None] - source, axis=2)
-    system = np.block([[kernel, ones], [ones.T, np.zeros((1, 1))]])
-    shares = np.linalg.solve(system, np.vstack([target - laid.apply(source), np.zeros((1, 3))]))
-    moved: Array = laid.apply(places) + shares[-1] - np.linalg.norm(places[:, None] - source, axis=2) @ shares[:-1]
-    return moved
 
 
 def _place_of(mesh: PaintedMesh, points: SurfacePoints) -> Array:
