@@ -117,6 +117,11 @@ class HeadAttributes:
         """All attributes, in the order of their groups."""
         return tuple(self._attributes.values())
 
+    @property
+    def alignment_weights(self) -> Array:
+        """Share of each of the first C vertices of the skin in the alignment of heads, shape (C,)."""
+        return self._weights
+
     def __getitem__(self, name: str) -> Attribute:
         """Return the attribute ``name``.
 

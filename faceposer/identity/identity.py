@@ -1,47 +1,68 @@
-"""The identity of a head: its coefficients in the morphable model, and their place in files."""
+"""The identity of a head: its coefficients in the morphable model and what they leave, with their form in files."""
 
-from collections.abc import Mapping
+import base64
+import binascii
+import zlib
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
 from msgspec import field as json_field
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from faceposer.files.json_documents import JsonError, JsonObject
 
 Array = NDArray[np.float64]
 
-#: Largest coefficient in standard deviations that a file may contain; nothing of the kind looks like a head.
+#: Largest coefficient in standard deviations in a file; nothing of the kind looks like a head.
 MOST = 100.0
+#: Step of the detail in centimetres: 16 bits reach 6.5 cm in steps of 2 micrometres.
+STEP = 2e-4
+_LARGEST = 32767
+_MAX_VERTICES, _MAX_ENCODED = 100_000, 1 << 20
 _Coefficient = Annotated[float, Meta(ge=-MOST, le=MOST)]
 _Row = Annotated[list[_Coefficient], Meta(max_length=1000)]
 
 
 @dataclass(frozen=True, eq=False)
 class Identity:
-    """Coefficients of a head in the morphable model (Blanz and Vetter 1999, eq. (1), with segments of section 3.1).
+    """A head relative to the average one: x = S̄ + Σ_s w_s B b_s + d on the control mesh, and coefficients of the skin.
+
+    Identities form a vector space: sums, multiples and mixtures are heads (Blanz and Vetter 1999, eq. (1)).
 
     Attributes:
-        shape: Coefficients of the shape in standard deviations, one row per segment, shape (segments, modes). Equal
-            rows mean one whole face.
-        texture: Coefficients of the texture in standard deviations, shape (t,).
-        offsets: Amounts by which attributes move the head outside the span of the modes, by name of the attribute.
+        shape: b_s, coefficients in standard deviations, one row per segment, shape (s, K). Equal rows are one whole
+            face.
+        detail_steps: d outside the span of the model, in steps of ``STEP`` centimetres, shape (C, 3); empty for none.
+        texture: Coefficients of the texture, shape (t,); empty for the character's own.
     """
 
     shape: Array
+    detail_steps: NDArray[np.int16] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int16))
     texture: Array = field(default_factory=lambda: np.zeros(0))
-    offsets: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("shape", "texture"):
-            values = np.array(getattr(self, name), dtype=np.float64)
+        if self.shape.ndim != 2 or self.texture.ndim != 1 or self.detail_steps.shape[1:] != (3,):
+            raise ValueError("the shape has a row per segment, the texture one row, the detail three columns")
+        for values in (self.shape, self.texture, self.detail_steps):
             values.setflags(write=False)
-            object.__setattr__(self, name, values)
-        object.__setattr__(self, "offsets", {name: float(v) for name, v in self.offsets.items() if v})
-        if self.shape.ndim != 2 or self.texture.ndim != 1:
-            raise ValueError("the shape has one row of coefficients per segment, the texture one row")
+
+    @classmethod
+    def of(cls, shape: ArrayLike, detail: ArrayLike | None = None, texture: ArrayLike | None = None) -> "Identity":
+        """Return the identity with ``detail`` in centimetres, shape (C, 3), rounded to steps and clipped to 16 bits."""
+        steps = np.zeros((0, 3), dtype=np.int16)
+        if detail is not None:
+            rounded = np.rint(np.asarray(detail, dtype=np.float64) / STEP).clip(-_LARGEST, _LARGEST)
+            steps = rounded.astype(np.int16) if rounded.any() else steps
+        colours = np.zeros(0) if texture is None else np.array(texture, dtype=np.float64)
+        return cls(np.array(shape, dtype=np.float64), steps, colours)
+
+    @property
+    def detail(self) -> Array:
+        """D in centimetres, shape (C, 3) or (0, 3)."""
+        detail: Array = self.detail_steps * STEP
+        return detail
 
     def same(self, other: "Identity | None") -> bool:
         """Return True if ``other`` is the same head."""
@@ -49,30 +70,73 @@ class Identity:
             other is not None
             and np.array_equal(self.shape, other.shape)
             and np.array_equal(self.texture, other.texture)
-            and self.offsets == other.offsets
+            and np.array_equal(self.detail_steps, other.detail_steps)
         )
+
+    def scaled(self, factor: float) -> "Identity":
+        """Return the head with ``factor`` times the deviation from the average: a caricature beyond 1."""
+        return Identity.of(factor * self.shape, factor * self.detail, self.texture)
+
+    def mixed(self, other: "Identity", share: float) -> "Identity":
+        """Return the head on the line from this one, at ``share`` 0, to ``other``, at 1."""
+        longer = self.detail if len(self.detail_steps) else other.detail
+        mine, theirs = (one.detail if len(one.detail_steps) else np.zeros_like(longer) for one in (self, other))
+        coloured = len(self.texture) == len(other.texture)
+        texture = _between(self.texture, other.texture, share) if coloured else self.texture
+        return Identity.of(_between(self.shape, other.shape, share), _between(mine, theirs, share), texture)
 
     def to_json(self) -> dict[str, Any]:
         """Return the identity as written in a file."""
         data: dict[str, Any] = {"shape": self.shape.tolist()}
+        if len(self.detail_steps):
+            packed = zlib.compress(self.detail_steps.astype("<i2").tobytes(), 9)
+            data["detail"] = base64.b64encode(packed).decode("ascii")
         if self.texture.size:
             data["texture"] = self.texture.tolist()
-        if self.offsets:
-            data["offsets"] = dict(self.offsets)
         return data
 
 
+def _between(one: Array, other: Array, share: float) -> Array:
+    result: Array = one + share * (other - one)
+    return result
+
+
 class IdentityJson(JsonObject):
-    """An identity in a file; coefficients are in standard deviations."""
+    """An identity in a file: coefficients in standard deviations; the detail as compressed 16-bit steps in base 64."""
 
     shape: Annotated[list[_Row], Meta(min_length=1, max_length=64)]
+    detail: Annotated[str, Meta(max_length=_MAX_ENCODED)] = ""
     texture: _Row = json_field(default_factory=list)
-    offsets: dict[str, _Coefficient] = json_field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len({len(row) for row in self.shape}) > 1:
             raise JsonError("must have the same number of coefficients in each row", "shape")
+        try:
+            _unpacked(self.detail)
+        except ValueError as error:
+            raise JsonError(f"is damaged ({error}); remove it to leave the detail out", "detail") from error
 
     def identity(self) -> Identity:
         """Return the identity."""
-        return Identity(np.array(self.shape), np.array(self.texture), self.offsets)
+        return Identity(np.array(self.shape), _unpacked(self.detail), np.array(self.texture, dtype=np.float64))
+
+
+def _unpacked(text: str) -> NDArray[np.int16]:
+    """Return the detail in ``text``, shape (C, 3).
+
+    Raises:
+        ValueError: If it is not base 64 of compressed triples of 16-bit numbers.
+    """
+    if not text:
+        return np.zeros((0, 3), dtype=np.int16)
+    most = 6 * _MAX_VERTICES
+    try:
+        unpacker = zlib.decompressobj()
+        data = unpacker.decompress(base64.b64decode(text, validate=True), most + 1)
+    except (binascii.Error, zlib.error) as error:
+        raise ValueError("it cannot be unpacked") from error
+    if not unpacker.eof or len(data) > most:
+        raise ValueError("it is cut or too long")
+    if len(data) % 6:
+        raise ValueError("its numbers do not come in triples")
+    return np.frombuffer(data, dtype="<i2").astype(np.int16).reshape(-1, 3)

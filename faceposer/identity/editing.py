@@ -1,0 +1,213 @@
+"""Editing of the head of a character: identities to characters, and changes of identities."""
+
+import dataclasses
+from collections.abc import Collection, Mapping
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.alignment import rigid_alignment
+from faceposer.identity.attributes import load_attributes
+from faceposer.identity.head import HeadMaker
+from faceposer.identity.identity import Identity
+from faceposer.identity.model_file import load_identity_model
+from faceposer.identity.segments import Segments
+from faceposer.identity.template import HeadTemplate, head_template
+from faceposer.model.character import Character
+
+Array = NDArray[np.float64]
+
+# Standard deviation in centimetres of each coordinate, and number of vertices that count as independent, in the
+# projection of a character's own head, which is not from the statistics.
+_NOISE, _INDEPENDENT = 0.3, 200
+#: Multiples of the deviation from the average at which a caricature becomes grotesque.
+GROTESQUE = 2.5
+
+
+class HeadEditor:
+    """The head of one character in terms of the morphable model, and characters with other heads.
+
+    Attributes:
+        character: The character, whose own head is ``own``.
+        model: The morphable model.
+        attributes: Measurements of heads.
+        own: Identity of the character's head.
+    """
+
+    def __init__(self, character: Character) -> None:
+        """Measure the head of ``character``.
+
+        Raises:
+            FacePoserError: If it does not have the topology of the model, or an asset is damaged.
+        """
+        self.model = load_identity_model()
+        self.attributes = load_attributes()
+        if not is_editable(character):
+            raise FacePoserError(
+                f"The head of '{character.title}' cannot be edited, since its mesh is not that of the built-in man; "
+                "open the man, the woman or a character made from them."
+            )
+        self.character = character
+        template = self._template
+        skin = character.vertices[: template.n_skin].astype(np.float64)
+        c = template.n_control
+        weights = self.attributes.alignment_weights
+        self._alignment = rigid_alignment(skin[:c], template.skin(self.model.mean_vertices)[:c], weights)
+        aligned = self._alignment.apply(skin)
+        control = template.control(aligned)
+        # What a subdivided mesh cannot have, as at the edges of the lids.
+        self._fine = aligned - template.skin(control)
+        noise = _NOISE * float(np.sqrt(weights.sum() / _INDEPENDENT))
+        found = self.model.project(control, weights, noise).coefficients
+        rows = np.tile(found, (len(self._segments.names), 1))
+        self.own = Identity.of(rows, control - self.model.vertices(rows))
+
+    @property
+    def _template(self) -> HeadTemplate:
+        assert self.model.template is not None
+        return self.model.template
+
+    @property
+    def _segments(self) -> Segments:
+        assert self.model.segments is not None
+        return self.model.segments
+
+    @property
+    def segment_names(self) -> tuple[str, ...]:
+        """Names of the segments, in the order of the rows of ``Identity.shape``."""
+        return self._segments.names
+
+    @cached_property
+    def maker(self) -> HeadMaker:
+        """Maker of characters after this one."""
+        return HeadMaker(self.character)
+
+    @property
+    def average(self) -> Identity:
+        """The average head of the model."""
+        return Identity.of(np.zeros_like(self.own.shape))
+
+    def aligned_skin(self, identity: Identity) -> Array:
+        """Return the skin of ``identity`` in the frame of the model, shape (N, 3).
+
+        Raises:
+            FacePoserError: If it does not have the numbers of this model.
+        """
+        self._check(identity)
+        control = self.model.vertices(identity.shape)
+        if len(identity.detail_steps):
+            control = control + identity.detail
+        result: Array = self._template.skin(control) + self._fine
+        return result
+
+    def skin(self, identity: Identity) -> Array:
+        """Return the skin of ``identity`` in the frame of the character, shape (N, 3)."""
+        return self._alignment.inverse().apply(self.aligned_skin(identity))
+
+    def with_head(self, identity: Identity) -> Character:
+        """Return the character with the head ``identity``: all its parts and shapes follow."""
+        if identity.same(self.own):
+            return self.character
+        head = self.maker.head(self.skin(identity))
+        shapes = self.maker.shapes(head)
+        return dataclasses.replace(
+            self.character, vertices=head.vertices.astype(np.float32), shapes=shapes.astype(np.float32)
+        )
+
+    # Changes of identities
+
+    def measure(self, identity: Identity) -> dict[str, float]:
+        """Return the value of each attribute."""
+        return self.attributes.measure(self.aligned_skin(identity))
+
+    def with_attributes(
+        self, identity: Identity, values: Mapping[str, float], keep: Collection[str] | None = None, seed: int = 0
+    ) -> Identity:
+        """Return the head that measures ``values``; arguments as for ``HeadAttributes.changed``."""
+        skin = self.aligned_skin(identity)
+        changed = self.attributes.changed(skin, values, keep, seed)
+        return self._moved(identity, self._template.control(changed - skin))
+
+    def _moved(self, identity: Identity, offsets: Array) -> Identity:
+        """Return the head with control vertices moved by ``offsets``, (C, 3), by the modes as far as they span them."""
+        along = self.model.project(self.model.mean_vertices + offsets, noise=self._moving_noise).coefficients
+        shape = identity.shape + along
+        detail = identity.detail if len(identity.detail_steps) else np.zeros_like(offsets)
+        left = offsets - np.tensordot(along, self.model.basis, 1)
+        return Identity.of(shape, detail + left, identity.texture)
+
+    @property
+    def _moving_noise(self) -> float:
+        return _NOISE * float(np.sqrt(self._template.n_control / _INDEPENDENT))
+
+    def random(
+        self, seed: int, present: Identity | None = None, free: Collection[str] | None = None, spread: float = 1.0
+    ) -> Identity:
+        """Return a random head, reproducible by ``seed``.
+
+        Args:
+            seed: Seed.
+            present: The head whose segments that are not free remain; the average if None.
+            free: Names of the segments that change; all if None.
+            spread: Standard deviations relative to those of people.
+        """
+        drawn = spread * self.model.sample(seed)[0]
+        if free is None:
+            return Identity.of(np.tile(drawn, (len(self.segment_names), 1)), texture=self._texture_of(present))
+        kept = self.average if present is None else present
+        changes = np.array([name in free for name in self.segment_names])
+        shape = np.where(changes[:, None], drawn, kept.shape)
+        held = self._segments.weights[~changes].sum(axis=0)[:, None]
+        detail = held * kept.detail if len(kept.detail_steps) else None
+        return Identity.of(shape, detail, kept.texture)
+
+    def _texture_of(self, identity: Identity | None) -> ArrayLike | None:
+        return None if identity is None else identity.texture
+
+    def distance(self, identity: Identity) -> float:
+        """Return how far a head is from the average: 0 for the average itself, about 1 for people.
+
+        It is the Mahalanobis distance ‖b‖, divided by the square root of the number of modes, of the segments' mean;
+        what lies outside the modes does not count.
+        """
+        return float(np.sqrt(np.square(identity.shape).mean()))
+
+    def _check(self, identity: Identity) -> None:
+        expected, n = self.own.shape.shape, self._template.n_control
+        if identity.shape.shape != expected or len(identity.detail_steps) not in (0, n):
+            raise FacePoserError(
+                f"The identity has coefficients of shape {identity.shape.shape} and {len(identity.detail_steps)} "
+                f"places of detail instead of {expected} and {n}; it was made with another version of the model."
+            )
+
+
+def is_editable(character: Character) -> bool:
+    """Return True if ``character`` has the parts and the topology of the shipped heads, so that its head can change."""
+    reference = HeadMaker.shipped().reference
+    return (
+        [part.name for part in character.parts] == [part.name for part in reference.parts]
+        and character.vertices.shape == reference.vertices.shape
+        and character.shape_names == reference.shape_names
+        and head_template().has_topology_of(character)
+    )
+
+
+@lru_cache(maxsize=2)
+def head_editor(character: Character) -> HeadEditor:
+    """Return the editor of ``character``'s head, prepared at the first call.
+
+    Raises:
+        FacePoserError: If its head cannot be edited.
+    """
+    return HeadEditor(character)
+
+
+def edited_character(character: Character, identity: Identity) -> Character:
+    """Return ``character`` with the head ``identity``.
+
+    Raises:
+        FacePoserError: If its head cannot be edited, or the identity is not one of this model.
+    """
+    return head_editor(character).with_head(identity)
