@@ -61,8 +61,7 @@ class Identity:
     @property
     def detail(self) -> Array:
         """D in centimetres, shape (C, 3) or (0, 3)."""
-        detail: Array = self.detail_steps * STEP
-        return detail
+        return self.detail_steps.astype(np.float64) * STEP
 
     def same(self, other: "Identity | None") -> bool:
         """Return True if ``other`` is the same head."""
