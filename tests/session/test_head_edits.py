@@ -44,10 +44,11 @@ def test_a_new_head_accepts_the_pose(session: Session, editor: HeadEditor) -> No
     corner = session.model.character.feature_points["8.3"]
     pixel = CAMERA.project(session.vertices[corner][None])[0] + [0.0, -8.0]
     session.add_constraint(PointConstraint(corner, (float(pixel[0]), float(pixel[1])), CAMERA), "Drag")
+    session.wait()
     pose = session.coefficients
     assert np.abs(pose).max() > 0.0
     session.set_identity(editor.random(2), "Random head")
-    assert session.document.constraints == ()
+    assert len(session.document.constraints) == 0
     np.testing.assert_array_equal(session.coefficients, pose)
     session.undo()
     assert len(session.document.constraints) == 1
@@ -58,7 +59,7 @@ def test_undo_and_redo_change_the_head(session: Session, editor: HeadEditor) -> 
     session.set_identity(editor.random(1), "Random head")
     first = session.model
     session.set_identity(editor.average, "Average head")
-    assert session.model is not first
+    assert not np.array_equal(session.model.character.vertices, first.character.vertices)
     session.undo()
     assert session.model is first
     assert session.undo_label == "Random head"
