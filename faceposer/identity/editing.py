@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
+from faceposer.geometry.picking import SurfacePoints
 from faceposer.identity.attributes import load_attributes
 from faceposer.identity.head import HeadMaker
 from faceposer.identity.identity import Identity
@@ -16,6 +17,7 @@ from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.template import HeadTemplate, head_template
 from faceposer.model.character import Character
+from faceposer.model.face_model import FaceModel
 
 Array = NDArray[np.float64]
 
@@ -50,7 +52,7 @@ class HeadEditor:
                 "open the man, the woman or a character made from them."
             )
         self.character = character
-        template = self._template
+        template = self.template
         skin = character.vertices[: template.n_skin].astype(np.float64)
         c = template.n_control
         weights = self.attributes.alignment_weights
@@ -61,23 +63,25 @@ class HeadEditor:
         self._fine = aligned - template.skin(control)
         noise = _NOISE * float(np.sqrt(weights.sum() / _INDEPENDENT))
         found = self.model.project(control, weights, noise).coefficients
-        rows = np.tile(found, (len(self._segments.names), 1))
+        rows = np.tile(found, (len(self.segments.names), 1))
         self.own = Identity.of(rows, control - self.model.vertices(rows))
 
     @property
-    def _template(self) -> HeadTemplate:
+    def template(self) -> HeadTemplate:
+        """The topology of the model."""
         assert self.model.template is not None
         return self.model.template
 
     @property
-    def _segments(self) -> Segments:
+    def segments(self) -> Segments:
+        """The segments of the model."""
         assert self.model.segments is not None
         return self.model.segments
 
     @property
     def segment_names(self) -> tuple[str, ...]:
         """Names of the segments, in the order of the rows of ``Identity.shape``."""
-        return self._segments.names
+        return self.segments.names
 
     @cached_property
     def maker(self) -> HeadMaker:
@@ -95,12 +99,36 @@ class HeadEditor:
         Raises:
             FacePoserError: If it does not have the numbers of this model.
         """
+        result: Array = self.template.skin(self.control(identity)) + self._fine
+        return result
+
+    def control(self, identity: Identity) -> Array:
+        """Return the control vertices of ``identity`` in the frame of the model, shape (C, 3).
+
+        Raises:
+            FacePoserError: As ``aligned_skin``.
+        """
         self._check(identity)
         control = self.model.vertices(identity.shape)
-        if len(identity.detail_steps):
-            control = control + identity.detail
-        result: Array = self._template.skin(control) + self._fine
-        return result
+        return control + identity.detail if len(identity.detail_steps) else control
+
+    def control_weights(self, points: SurfacePoints) -> Array:
+        """Return the weights of control vertices whose sum is each of ``points`` on the skin, shape (n, C).
+
+        Raises:
+            ValueError: If a point is not on the skin.
+        """
+        corners = points.corners(self.character.triangles)
+        if corners.size and corners.max() >= self.template.n_skin:
+            raise ValueError("a point is not on the skin")
+        rows = self.template.matrix[corners.ravel()].toarray().reshape(*corners.shape, -1)
+        weights: Array = np.einsum("nk,nkc->nc", points.barycentric, rows)
+        return weights
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation of the model's frame to the character's, shape (3, 3)."""
+        return self._alignment.rotation.T
 
     def skin(self, identity: Identity) -> Array:
         """Return the skin of ``identity`` in the frame of the character, shape (N, 3)."""
@@ -116,6 +144,33 @@ class HeadEditor:
             self.character, vertices=head.vertices.astype(np.float32), shapes=shapes.astype(np.float32)
         )
 
+    def preview(self, model: FaceModel, pose: ArrayLike, identity: Identity) -> NDArray[np.float32]:
+        """Return approximate vertices of ``identity`` in a pose, shape (N, 3), quick enough for each frame of a drag.
+
+        The displacements of the pose are those of the present head.
+
+        Args:
+            model: Face model of the present head of this character.
+            pose: Its coefficients, shape (r,).
+            identity: The head to show.
+        """
+        head = self.maker.head(self.skin(identity)).vertices
+        moved = head - model.character.vertices
+        lashes, lids = self._lashes
+        moved[lashes] = moved[lids]
+        result: NDArray[np.float32] = (model.surface(pose) + moved).astype(np.float32)
+        return result
+
+    @cached_property
+    def _lashes(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Vertices of lashes, which ``HeadMaker.head`` does not place, and of the skin nearest to them."""
+        from scipy.spatial import KDTree
+
+        parts = [part for part in self.character.parts if part.material == "lashes"]
+        lashes = np.concatenate([np.arange(*part.vertices) for part in parts])
+        vertices = self.character.vertices
+        return lashes, KDTree(vertices[: self.template.n_skin]).query(vertices[lashes])[1]
+
     # Changes of identities
 
     def measure(self, identity: Identity) -> dict[str, float]:
@@ -128,7 +183,7 @@ class HeadEditor:
         """Return the head that measures ``values``; arguments as for ``HeadAttributes.changed``."""
         skin = self.aligned_skin(identity)
         changed = self.attributes.changed(skin, values, keep, seed)
-        return self._moved(identity, self._template.control(changed - skin))
+        return self._moved(identity, self.template.control(changed - skin))
 
     def _moved(self, identity: Identity, offsets: Array) -> Identity:
         """Return the head with control vertices moved by ``offsets``, (C, 3), by the modes as far as they span them."""
@@ -140,7 +195,7 @@ class HeadEditor:
 
     @property
     def _moving_noise(self) -> float:
-        return _NOISE * float(np.sqrt(self._template.n_control / _INDEPENDENT))
+        return _NOISE * float(np.sqrt(self.template.n_control / _INDEPENDENT))
 
     def random(
         self, seed: int, present: Identity | None = None, free: Collection[str] | None = None, spread: float = 1.0
@@ -159,7 +214,7 @@ class HeadEditor:
         kept = self.average if present is None else present
         changes = np.array([name in free for name in self.segment_names])
         shape = np.where(changes[:, None], drawn, kept.shape)
-        held = self._segments.weights[~changes].sum(axis=0)[:, None]
+        held = self.segments.weights[~changes].sum(axis=0)[:, None]
         detail = held * kept.detail if len(kept.detail_steps) else None
         return Identity.of(shape, detail, kept.texture)
 
@@ -175,7 +230,7 @@ class HeadEditor:
         return float(np.sqrt(np.square(identity.shape).mean()))
 
     def _check(self, identity: Identity) -> None:
-        expected, n = self.own.shape.shape, self._template.n_control
+        expected, n = self.own.shape.shape, self.template.n_control
         if identity.shape.shape != expected or len(identity.detail_steps) not in (0, n):
             raise FacePoserError(
                 f"The identity has coefficients of shape {identity.shape.shape} and {len(identity.detail_steps)} "
