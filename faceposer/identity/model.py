@@ -185,8 +185,12 @@ class IdentityModel:
         along = rows @ self.modes.T
         left = np.maximum(np.square(rows).sum(axis=1) - np.square(along).sum(axis=1), 0.0)
         d, k = len(self.mean), self.n_coefficients
-        constant = d * np.log(2.0 * np.pi) + 2.0 * np.log(self.standard_deviations).sum() + 2 * (d - k) * np.log(self.noise)
-        score: Array = -0.5 * (constant + np.square(along / self.standard_deviations).sum(axis=1) + left / self.noise**2)
+        constant = (
+            d * np.log(2.0 * np.pi) + 2.0 * np.log(self.standard_deviations).sum() + 2 * (d - k) * np.log(self.noise)
+        )
+        score: Array = -0.5 * (
+            constant + np.square(along / self.standard_deviations).sum(axis=1) + left / self.noise**2
+        )
         return score
 
     def score(self, heads: ArrayLike) -> float:
@@ -287,9 +291,7 @@ class IdentityModel:
         draws = self.sample(seed, n_samples)
         result = []
         for count in np.atleast_1d(counts).tolist():
-            nearest = [
-                np.linalg.norm(given - self.vertices(draw[:count]), axis=2).mean(axis=1).min() for draw in draws
-            ]
+            nearest = [np.linalg.norm(given - self.vertices(draw[:count]), axis=2).mean(axis=1).min() for draw in draws]
             result.append(float(np.mean(nearest)))
         return np.array(result)
 

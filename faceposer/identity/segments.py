@@ -68,9 +68,7 @@ def segments_of(vertices: Floats, quads: Ints, regions: Mapping[str, Sequence[in
     """
     shares = []
     for name in SEGMENT_NAMES[:-1]:
-        members = [
-            np.asarray(ids) for region, ids in regions.items() if region.startswith(SEGMENT_REGIONS[name])
-        ]
+        members = [np.asarray(ids) for region, ids in regions.items() if region.startswith(SEGMENT_REGIONS[name])]
         own = np.unique(np.concatenate(members))
         distances = _distances(np.asarray(vertices, dtype=np.float64), quads, own[own < len(vertices)])
         shares.append(_falling(distances / REACHES[name]))

@@ -35,7 +35,14 @@ _LEFT_OUT = ("forehead/nubian", "head/angle", "ears/trans")
 #: Standard deviations from the average head to the end of an attribute's range.
 _RANGE = 2.5
 #: Natural values of attributes of the person, in MakeHuman's labels relative to the average head.
-_LIMITS = {"age": (-0.6, 1.0), "african": (-0.4, 0.65), "asian": (-0.4, 0.65), "caucasian": (-0.4, 0.65)}
+_LIMITS = {
+    "gender": (-1.5, 1.5),
+    "age": (-0.8, 1.4),
+    "weight": (-2.2, 2.2),
+    "african": (-0.45, 0.7),
+    "asian": (-0.45, 0.7),
+    "caucasian": (-0.45, 0.7),
+}
 #: Root mean square of the odd part of a head, in centimetres, at the end of the slider.
 _ASYMMETRY = 0.12
 _CREDITS = (
@@ -353,15 +360,43 @@ def build_attributes(builder: Builder, model: IdentityModel) -> tuple[dict[str, 
     }
     entries: list[dict[str, Any]] = []
 
-    def add(name: str, group: str, texts: tuple[str, str, str], unit: str = "", average: float = 0.0, scale: float = 1.0, limits: tuple[float, float] = (-1.0, 1.0), relative_to: str = "") -> None:
+    def add(
+        name: str,
+        group: str,
+        texts: tuple[str, str, str],
+        unit: str = "",
+        average: float = 0.0,
+        scale: float = 1.0,
+        limits: tuple[float, float] = (-1.0, 1.0),
+        relative_to: str = "",
+    ) -> None:
         entry = dict(zip(("title", "less", "more"), texts, strict=True))
-        entries.append({"name": name, "group": group, **entry, "unit": unit, "average": average, "scale": scale, "limits": limits, "relative_to": relative_to})
+        entries.append(
+            {
+                "name": name,
+                "group": group,
+                **entry,
+                "unit": unit,
+                "average": average,
+                "scale": scale,
+                "limits": limits,
+                "relative_to": relative_to,
+            }
+        )
 
     for name in [name for name in PERSON if name != "caucasian"]:
         add(name, "Person", PERSON[name], limits=_LIMITS.get(name, (-1.0, 1.0)))
     for (name, measure), row, deviation in zip(MEASURES.items(), lengths, spread[len(labels) :], strict=True):
         middle = float(row @ average.ravel()) if not measure.relative_to else 0.0
-        add(name, measure.group, (measure.title, measure.less, measure.more), "cm", middle, _RANGE * float(deviation), relative_to=measure.relative_to)
+        add(
+            name,
+            measure.group,
+            (measure.title, measure.less, measure.more),
+            "cm",
+            middle,
+            _RANGE * float(deviation),
+            relative_to=measure.relative_to,
+        )
     add("caucasian", "Person", PERSON["caucasian"], limits=_LIMITS["caucasian"])
     add("asymmetry", "Face", ("Asymmetry", "even", "uneven"), "cm", 0.0, _ASYMMETRY, (0.0, 1.0))
     return {"attributes": entries, "credits": _CREDITS}, arrays

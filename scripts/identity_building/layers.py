@@ -39,7 +39,9 @@ def build_layers(texels: SkinTexels) -> dict[str, NDArray[np.uint8]]:
     looks = {name: LOOKS[name].skin for name in ("man", "woman", "low")}
     found = {}
     for style, name in (("short", "man"), ("combed", "woman")):
-        found[f"hair.{style}"] = _hairs(texels, looks[name], lambda c, s, look, rng: paint_scalp(c, s, look, rng, Noise(look.seed + 3)))
+        found[f"hair.{style}"] = _hairs(
+            texels, looks[name], lambda c, s, look, rng: paint_scalp(c, s, look, rng, Noise(look.seed + 3))
+        )
     for style, name in (("arched", "woman"), ("straight", "man"), ("heavy", "low")):
         found[f"brows.{style}"] = _hairs(texels, looks[name], paint_brows)
     beard = dataclasses.replace(looks["man"], beard=1.0)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +12,22 @@ from scipy.spatial import cKDTree
 
 from scripts.asset_building.raster import Image32, smoothstep
 from scripts.asset_building.skin_texture import SkinTexels, above_hairline
+from scripts.identity_building.layers import encoded
 
 #: Age (0 young, 0.5 middle, 1 old) by the first word of a skin's file name.
 _AGES = {"young": 0.0, "middleage": 0.5, "old": 1.0}
 #: Width of the skin that is filled around painted eyes, and around lips, in centimetres.
-_EYE_REACH, _LIP_REACH = 0.42, 0.18
+_EYE_REACH, _LIP_REACH = 0.5, 0.18
 #: Share of the shading of the mean skin, brighter or darker than the surface as a whole, that is taken out.
 _FLATTENED = 0.55
 #: Detail that is no shading, in pixels of the texture, as a Gaussian's deviation at 1024 pixels.
 _SHADING_SIZE = 28.0
+#: Share of the variance without the tone below which a component is left out.
+_LEAST_SHARE = 0.006
+#: Sizes and qualities at which brightness and colour are stored.
+_LUMA, _CHROMA = (1024, 84), (256, 84)
+#: Ridge of the regression of labels, as variance of a coefficient.
+_RIDGE = 0.5
 
 
 @dataclass(frozen=True)
@@ -45,8 +53,10 @@ def read_skins(folder: Path, texels: SkinTexels) -> Skins:
     if not paths:
         raise SystemExit(f"The folder '{folder}' has no skins named *_diffuse*.jpg.")
     unknown = _unknown(texels)
-    known = texels.texels.image(1.0 - unknown[:, None])[..., 0]
+    known, ears = (texels.texels.image(share[:, None])[..., 0] for share in (1.0 - unknown, _ears(texels)))
     known[~texels.texels.covered] = 0.0
+    # Ears are darker than the skin that hair covers.
+    beside_ears = known * (1.0 - ears)
     on_lips = texels.masks["lips"] * (texels.place[:, 2] > 14.0) > 0.6
     beside = _near(texels.place, on_lips, 1.2) & (unknown < 0.01)
     logs, lips = [], []
@@ -55,7 +65,7 @@ def read_skins(folder: Path, texels: SkinTexels) -> Skins:
         lips.append(np.median(colours[on_lips], axis=0) - np.median(colours[beside], axis=0))
         image = np.zeros((*texels.texels.covered.shape, 3), dtype=np.float32)
         image[texels.texels.covered] = colours
-        logs.append(filled(image, known))
+        logs.append(ears[..., None] * filled(image, known) + (1.0 - ears[..., None]) * filled(image, beside_ears))
     labels = [(_AGES[path.name.split("_")[0]], 1.0 if "female" in path.name else -1.0) for path in paths]
     return Skins(tuple(path.stem for path in paths), np.stack(logs), np.array(lips), np.array(labels))
 
@@ -87,9 +97,13 @@ def _unknown(texels: SkinTexels) -> Image32:
         distance, _ = cKDTree(place[mask][::2]).query(place, distance_upper_bound=2.0 * reach)
         result = np.maximum(result, smoothstep(1.25 * reach, 0.9 * reach, distance.astype(np.float32)))
     result = np.maximum(result, (masks["inside"] > 0.02) | (masks["wet_line"] > 0.02))
-    ears = smoothstep(0.1, 0.5, masks["ears"])
+    ears = _ears(texels)
     hair = smoothstep(-1.6, -0.5, above_hairline(place)) * (1.0 - ears)
     return np.maximum(result, hair).astype(np.float32)
+
+
+def _ears(texels: SkinTexels) -> Image32:
+    return smoothstep(0.1, 0.5, texels.masks["ears"])
 
 
 def filled(image: Image32, known: Image32) -> Image32:
@@ -108,6 +122,72 @@ def filled(image: Image32, known: Image32) -> Image32:
     coarse = filled(value / np.maximum(share, 1e-6)[..., None], np.clip(4.0 * share, 0.0, 1.0))
     finer = np.stack([_doubled(coarse[..., k], image.shape[:2]) for k in range(image.shape[2])], axis=-1)
     return (image * weight + (1.0 - weight) * finer).astype(np.float32)
+
+
+def statistics(skins: Skins, texels: SkinTexels) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return metadata and arrays of the mean skin and its modes.
+
+    The first mode is the tone: what the colours of each texel share with the mean brightness of the face. The others are
+    the principal components of the rest. All have unit deviation over the skins. In logarithms, the tone is linear in
+    the density of melanin (Beer and Lambert), and colours are positive for all coefficients.
+    """
+    weight = texels.texels.image(_face(texels)[:, None])[..., 0]
+    weight *= texels.texels.covered / weight.sum()
+    mean = skins.logs.mean(axis=0)
+    rest = skins.logs - mean
+    tone = -(rest.mean(axis=3) * weight).sum(axis=(1, 2))
+    tone /= tone.std()
+    n = len(tone)
+    loads = [tone]
+    first = np.tensordot(tone, rest, 1) / n
+    rest = rest - tone[:, None, None, None] * first
+    gram = np.einsum("shwc,thwc,hw->st", rest, rest, weight, optimize=True)
+    values, vectors = np.linalg.eigh(gram)
+    kept = np.argsort(values)[::-1][: np.count_nonzero(values > _LEAST_SHARE * values.sum())]
+    loads += [vectors[:, k] * np.sqrt(n) * np.sign(vectors[np.abs(vectors[:, k]).argmax(), k]) for k in kept]
+    coefficients = np.stack(loads, axis=1)
+    modes = np.concatenate([first[None], np.einsum("sk,shwc->khwc", coefficients[:, 1:], rest) / n])
+    lips = np.concatenate([skins.lips.mean(axis=0)[None], coefficients.T @ (skins.lips - skins.lips.mean(axis=0)) / n])
+    arrays: dict[str, NDArray[Any]] = {"lips": lips.astype(np.float32)}
+    ranges = []
+    for k, image in enumerate([_flattened(mean, weight), *modes]):
+        luma = image.mean(axis=2)
+        channels = {"luma": luma, "red": image[..., 0] - luma, "blue": image[..., 2] - luma}
+        for name, channel in channels.items():
+            low, high = (float(limit) for limit in np.quantile(channel, [0.0005, 0.9995]))
+            size, quality = _LUMA if name == "luma" else _CHROMA
+            arrays[f"skin.{k}.{name}"] = encoded((channel - low) / max(high - low, 1e-6), size, quality)
+            ranges.append([low, high])
+    labels = skins.labels - skins.labels.mean(axis=0)
+    # The shortest coefficients per unit of a label, as seen through the skins with the tone taken out.
+    slopes = np.linalg.solve(
+        coefficients.T @ coefficients / n + _RIDGE * np.eye(len(loads)), coefficients.T @ labels / n
+    )
+    slopes[0] = 0.0
+    meta = {
+        "ranges": ranges,
+        "labels": {"age": slopes[:, 0].tolist(), "gender": slopes[:, 1].tolist()},
+        "skins": dict(zip(skins.names, coefficients.round(4).tolist(), strict=True)),
+    }
+    return meta, arrays
+
+
+def _face(texels: SkinTexels) -> Image32:
+    """Return the weight of each texel in the statistics: 1 on the face, little below and behind it, shape (K,)."""
+    place = texels.place
+    front = smoothstep(4.0, 9.0, place[:, 2]) * smoothstep(58.0, 62.0, place[:, 1])
+    return ((0.02 + front) * (1.0 - _unknown(texels)) / np.maximum(texels.texels.pixels_per_area, 50.0)).astype(
+        np.float32
+    )
+
+
+def _flattened(mean: Image32, weight: Image32) -> Image32:
+    """Return the ``mean`` (H, W, 3) with less of the light under which the skins were photographed."""
+    luma = mean.mean(axis=2)
+    smooth = ndimage.gaussian_filter(luma, _SHADING_SIZE, mode="nearest")
+    level = (luma * weight).sum() / weight.sum()
+    flat: Image32 = mean - (_FLATTENED * (smooth - level))[..., None].astype(np.float32)
+    return flat
 
 
 def _doubled(channel: Image32, shape: tuple[int, int]) -> Image32:
