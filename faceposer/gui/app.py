@@ -153,6 +153,7 @@ class App(Editor):
             self.model_changed()
         pose = session.model.neutral() if self.comparing else session.coefficients
         self.scene.set_pose(pose, session.document.contact)
+        self.scene.set_preview(None if session.preview is None else session.preview.vertices)
         self.router.update()
 
     def _draw(self) -> None:

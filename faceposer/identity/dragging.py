@@ -38,6 +38,7 @@ class HeadDrag:
 
     Attributes:
         identity: The head at the start.
+        positions: Positions of the points on the posed face at the start, shape (n, 3).
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class HeadDrag:
         positions: Array,
         free: Sequence[bool] | None = None,
         spread: float = 0.3,
+        symmetric: bool = False,
     ) -> None:
         """Begin a drag.
 
@@ -58,15 +60,21 @@ class HeadDrag:
             positions: Their positions on the posed face, shape (n, 3).
             free: Segments that may change; all if None.
             spread: Share of the head that follows, 0 to 1.
+            symmetric: Both sides change alike: only modes that are their own mirror images are used.
 
         Raises:
             ValueError: If a point is not on the skin, or no segment is free.
         """
         self.identity = identity
-        self._editor, self._positions = editor, np.asarray(positions, dtype=np.float64)
+        self._editor, self.positions = editor, np.asarray(positions, dtype=np.float64)
         self._free = np.ones(len(editor.segment_names), dtype=bool) if free is None else np.array(free, dtype=bool)
         if not self._free.any():
             raise ValueError("no segment is free")
+        self._basis = editor.model.basis
+        self._modes = np.arange(len(self._basis))
+        if symmetric:
+            self._modes = np.flatnonzero(editor.symmetric_modes)
+            self._basis = self._basis[self._modes]
         n_control = editor.template.n_control
         rows = editor.control_weights(points)
         self._rows = self._jacobian(rows)
@@ -74,7 +82,9 @@ class HeadDrag:
         control = editor.control(identity)
         distances = np.linalg.norm(control[held][:, None] - (rows @ control)[None], axis=2).min(axis=1)
         reach = np.interp(spread, (0.0, 1.0), _REACH)
-        stiffness = (1.0 - spread) * (1.0 - np.exp(-((distances / reach) ** 2))) * editor.attributes.alignment_weights[held]
+        stiffness = (
+            (1.0 - spread) * (1.0 - np.exp(-((distances / reach) ** 2))) * editor.attributes.alignment_weights[held]
+        )
         together = np.interp(spread, (0.0, 1.0), _TOGETHER)
         # The number of equations is small: the matrix inversion lemma needs the prior's inverse, once.
         self._inverse_prior = np.linalg.inv(self._prior(held, stiffness, float(together)))
@@ -83,7 +93,7 @@ class HeadDrag:
         """Return the derivatives of places, (n, C) weights of control vertices, with respect to Δ, (n, 3, s K)."""
         editor = self._editor
         used = np.flatnonzero(weights.any(axis=0))
-        basis, shares = editor.model.basis[:, used], editor.segments.weights[self._free][:, used]
+        basis, shares = self._basis[:, used], editor.segments.weights[self._free][:, used]
         moves = np.einsum("nc,sc,kcd->ndsk", weights[:, used], shares, basis, optimize=True)
         flat = moves.reshape(len(weights), 3, -1)
         turned: Array = np.einsum("de,nek->ndk", editor.rotation, flat)
@@ -91,10 +101,10 @@ class HeadDrag:
 
     def _prior(self, held: NDArray[np.intp], stiffness: Array, together: float) -> Array:
         """Return the matrix of the terms that do not depend on the points, shape (s K, s K)."""
-        model, shares = self._editor.model, self._editor.segments.weights[self._free]
-        s, k = len(shares), model.n_coefficients
+        shares = self._editor.segments.weights[self._free]
+        s, k = len(shares), len(self._basis)
         root = np.sqrt(stiffness)[:, None] / _HOLD
-        basis = (model.basis[:, held] * root).reshape(k, len(held), 3)
+        basis = (self._basis[:, held] * root).reshape(k, len(held), 3)
         rows = np.einsum("sc,kcd->skcd", shares[:, held], basis, optimize=True).reshape(s * k, -1)
         # I + κ (I - 1 1ᵀ / s) between the segments.
         between = (1.0 + together) * np.eye(s) - together / s
@@ -105,11 +115,11 @@ class HeadDrag:
         """Return the head with the points at ``pixels``, shape (n, 2), of ``camera``, as far as heads go there."""
         change = np.zeros(self._rows.shape[2])
         for _ in range(_STEPS):
-            projected, derivatives = camera.project_with_jacobian(self._positions + self._rows @ change)
+            projected, derivatives = camera.project_with_jacobian(self.positions + self._rows @ change)
             rows = (derivatives @ self._rows).reshape(-1, len(change)) / _PIXELS
             residuals = (pixels - projected).ravel() / _PIXELS + rows @ change
             gain = self._inverse_prior @ rows.T
             change = gain @ np.linalg.solve(rows @ gain + np.eye(len(rows)), residuals)
         shape = self.identity.shape.copy()
-        shape[self._free] += change.reshape(int(self._free.sum()), -1)
+        shape[np.ix_(self._free, self._modes)] += change.reshape(int(self._free.sum()), -1)
         return Identity(shape, self.identity.detail_steps, self.identity.texture)

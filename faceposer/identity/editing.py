@@ -88,6 +88,14 @@ class HeadEditor:
         """Maker of characters after this one."""
         return HeadMaker(self.character)
 
+    @cached_property
+    def symmetric_modes(self) -> NDArray[np.bool_]:
+        """Mask of the modes that are their own mirror images, shape (K,); the others are their negative ones."""
+        basis = self.model.basis
+        mirrored = np.stack([self.template.mirrored(mode) for mode in basis])
+        even: NDArray[np.bool_] = np.einsum("kcd,kcd->k", basis, mirrored) > 0.0
+        return even
+
     @property
     def average(self) -> Identity:
         """The average head of the model."""
@@ -118,12 +126,16 @@ class HeadEditor:
         Raises:
             ValueError: If a point is not on the skin.
         """
-        corners = points.corners(self.character.triangles)
-        if corners.size and corners.max() >= self.template.n_skin:
+        if not self.on_skin(points):
             raise ValueError("a point is not on the skin")
+        corners = points.corners(self.character.triangles)
         rows = self.template.matrix[corners.ravel()].toarray().reshape(*corners.shape, -1)
         weights: Array = np.einsum("nk,nkc->nc", points.barycentric, rows)
         return weights
+
+    def on_skin(self, points: SurfacePoints) -> bool:
+        """Return True if all ``points`` are on the skin, not on eyes, teeth or lashes."""
+        return bool(np.all(points.corners(self.character.triangles) < self.template.n_skin))
 
     @property
     def rotation(self) -> Array:

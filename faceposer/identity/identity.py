@@ -15,6 +15,8 @@ from faceposer.files.json_documents import JsonError, JsonObject
 
 Array = NDArray[np.float64]
 
+#: Numbers of vertices and polygons of the characters whose heads the morphable model describes.
+HEAD_SIZE = (24758, 24208)
 #: Largest coefficient in standard deviations in a file; nothing of the kind looks like a head.
 MOST = 100.0
 #: Step of the detail in centimetres: 16 bits reach 6.5 cm in steps of 2 micrometres.

@@ -8,6 +8,7 @@ from faceposer.tools.curve_tool import CurveTool
 from faceposer.tools.distance_tool import DistanceTool
 from faceposer.tools.fix_tool import FixTool
 from faceposer.tools.gaze_tool import GazeTool
+from faceposer.tools.head_tool import HeadTool
 from faceposer.tools.photo_tool import PhotoTool
 from faceposer.tools.point_tool import PointTool
 from faceposer.tools.sketch_tool import SketchTool
@@ -34,6 +35,7 @@ class Toolbox:
         self.fix_tool = FixTool(self.tool_settings)
         self.gaze_tool = GazeTool(self.tool_settings)
         self.trajectory_tool = TrajectoryTool(self.tool_settings)
+        self.head_tool = HeadTool(self.tool_settings)
         everything: tuple[PosingTool, ...] = (
             self.point_tool,
             self.distance_tool,
@@ -43,6 +45,7 @@ class Toolbox:
             self.fix_tool,
             self.gaze_tool,
             self.trajectory_tool,
+            self.head_tool,
         )
         self.tools: dict[str, PosingTool] = {tool.name: tool for tool in everything}
         # Of several handles at the same place, the first tool's is grabbed.
