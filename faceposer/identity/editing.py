@@ -1,21 +1,24 @@
 """Editing of the head of a character: identities to characters, and changes of identities."""
 
 import dataclasses
+import io
 from collections.abc import Collection, Mapping
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.identity.attributes import load_attributes
 from faceposer.identity.head import HeadMaker
-from faceposer.identity.identity import Identity
+from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.template import HeadTemplate, head_template
+from faceposer.identity.texture_model import load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 
@@ -24,6 +27,8 @@ Array = NDArray[np.float64]
 # Standard deviation in centimetres of each coordinate, and number of vertices that count as independent, in the
 # projection of a character's own head, which is not from the statistics.
 _NOISE, _INDEPENDENT = 0.3, 200
+# Quality of the encoded textures.
+_QUALITY = 90
 #: Multiples of the deviation from the average at which a caricature becomes grotesque.
 GROTESQUE = 2.5
 
@@ -152,8 +157,14 @@ class HeadEditor:
             return self.character
         head = self.maker.head(self.skin(identity))
         shapes = self.maker.shapes(head)
+        textures = self.character.textures
+        if identity.texture is not None:
+            textures = {**textures, "skin": encoded_skin(identity.texture)}
         return dataclasses.replace(
-            self.character, vertices=head.vertices.astype(np.float32), shapes=shapes.astype(np.float32)
+            self.character,
+            vertices=head.vertices.astype(np.float32),
+            shapes=shapes.astype(np.float32),
+            textures=textures,
         )
 
     def preview(self, model: FaceModel, pose: ArrayLike, identity: Identity) -> NDArray[np.float32]:
@@ -222,16 +233,14 @@ class HeadEditor:
         """
         drawn = spread * self.model.sample(seed)[0]
         if free is None:
-            return Identity.of(np.tile(drawn, (len(self.segment_names), 1)), texture=self._texture_of(present))
+            texture = None if present is None else present.texture
+            return Identity.of(np.tile(drawn, (len(self.segment_names), 1)), texture=texture)
         kept = self.average if present is None else present
         changes = np.array([name in free for name in self.segment_names])
         shape = np.where(changes[:, None], drawn, kept.shape)
         held = self.segments.weights[~changes].sum(axis=0)[:, None]
         detail = held * kept.detail if len(kept.detail_steps) else None
         return Identity.of(shape, detail, kept.texture)
-
-    def _texture_of(self, identity: Identity | None) -> ArrayLike | None:
-        return None if identity is None else identity.texture
 
     def distance(self, identity: Identity) -> float:
         """Return how far a head is from the average: 0 for the average itself, about 1 for people.
@@ -248,6 +257,15 @@ class HeadEditor:
                 f"The identity has coefficients of shape {identity.shape.shape} and {len(identity.detail_steps)} "
                 f"places of detail instead of {expected} and {n}; it was made with another version of the model."
             )
+
+
+@lru_cache(maxsize=4)
+def encoded_skin(texture: SkinTexture) -> bytes:
+    """Return the image of a skin's ``texture`` as JPEG, with the size of the shipped ones."""
+    picture = Image.fromarray(load_texture_model().instance(texture.coefficients, texture.layers))
+    data = io.BytesIO()
+    picture.save(data, "JPEG", quality=_QUALITY, subsampling=0)
+    return data.getvalue()
 
 
 def is_editable(character: Character) -> bool:

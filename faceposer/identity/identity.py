@@ -3,15 +3,17 @@
 import base64
 import binascii
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Meta
+from msgspec import UNSET, Meta, UnsetType
 from msgspec import field as json_field
 from numpy.typing import ArrayLike, NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
+from faceposer.identity.texture_model import SkinLayers
 
 Array = NDArray[np.float64]
 
@@ -24,12 +26,27 @@ STEP = 2e-4
 _LARGEST = 32767
 _MAX_VERTICES, _MAX_ENCODED = 100_000, 1 << 20
 _Coefficient = Annotated[float, Meta(ge=-MOST, le=MOST)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Colour = tuple[_Share, _Share, _Share]
 _Row = Annotated[list[_Coefficient], Meta(max_length=1000)]
+
+
+@dataclass(frozen=True)
+class SkinTexture:
+    """The texture of a skin in the texture model.
+
+    Attributes:
+        coefficients: c in standard deviations, as a tuple of numbers.
+        layers: Hair, brows, stubble and lips.
+    """
+
+    coefficients: tuple[float, ...]
+    layers: SkinLayers = field(default_factory=SkinLayers)
 
 
 @dataclass(frozen=True, eq=False)
 class Identity:
-    """A head relative to the average one: x = S̄ + Σ_s w_s B b_s + d on the control mesh, and coefficients of the skin.
+    """A head relative to the average one: x = S̄ + Σ_s w_s B b_s + d on the control mesh, and its texture.
 
     Identities form a vector space: sums, multiples and mixtures are heads (Blanz and Vetter 1999, eq. (1)).
 
@@ -37,28 +54,27 @@ class Identity:
         shape: b_s, coefficients in standard deviations, one row per segment, shape (s, K). Equal rows are one whole
             face.
         detail_steps: d outside the span of the model, in steps of ``STEP`` centimetres, shape (C, 3); empty for none.
-        texture: Coefficients of the texture, shape (t,); empty for the character's own.
+        texture: Texture of the skin; None for the character's own.
     """
 
     shape: Array
     detail_steps: NDArray[np.int16] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int16))
-    texture: Array = field(default_factory=lambda: np.zeros(0))
+    texture: SkinTexture | None = None
 
     def __post_init__(self) -> None:
-        if self.shape.ndim != 2 or self.texture.ndim != 1 or self.detail_steps.shape[1:] != (3,):
-            raise ValueError("the shape has a row per segment, the texture one row, the detail three columns")
-        for values in (self.shape, self.texture, self.detail_steps):
+        if self.shape.ndim != 2 or self.detail_steps.shape[1:] != (3,):
+            raise ValueError("the shape has a row per segment, the detail three columns")
+        for values in (self.shape, self.detail_steps):
             values.setflags(write=False)
 
     @classmethod
-    def of(cls, shape: ArrayLike, detail: ArrayLike | None = None, texture: ArrayLike | None = None) -> "Identity":
+    def of(cls, shape: ArrayLike, detail: ArrayLike | None = None, texture: SkinTexture | None = None) -> "Identity":
         """Return the identity with ``detail`` in centimetres, shape (C, 3), rounded to steps and clipped to 16 bits."""
         steps = np.zeros((0, 3), dtype=np.int16)
         if detail is not None:
             rounded = np.rint(np.asarray(detail, dtype=np.float64) / STEP).clip(-_LARGEST, _LARGEST)
             steps = rounded.astype(np.int16) if rounded.any() else steps
-        colours = np.zeros(0) if texture is None else np.array(texture, dtype=np.float64)
-        return cls(np.array(shape, dtype=np.float64), steps, colours)
+        return cls(np.array(shape, dtype=np.float64), steps, texture)
 
     @property
     def detail(self) -> Array:
@@ -70,7 +86,7 @@ class Identity:
         return self is other or (
             other is not None
             and np.array_equal(self.shape, other.shape)
-            and np.array_equal(self.texture, other.texture)
+            and self.texture == other.texture
             and np.array_equal(self.detail_steps, other.detail_steps)
         )
 
@@ -82,8 +98,7 @@ class Identity:
         """Return the head on the line from this one, at ``share`` 0, to ``other``, at 1."""
         longer = self.detail if len(self.detail_steps) else other.detail
         mine, theirs = (one.detail if len(one.detail_steps) else np.zeros_like(longer) for one in (self, other))
-        coloured = len(self.texture) == len(other.texture)
-        texture = _between(self.texture, other.texture, share) if coloured else self.texture
+        texture = _texture_between(self.texture, other.texture, share)
         return Identity.of(_between(self.shape, other.shape, share), _between(mine, theirs, share), texture)
 
     def to_json(self) -> dict[str, Any]:
@@ -92,8 +107,9 @@ class Identity:
         if len(self.detail_steps):
             packed = zlib.compress(self.detail_steps.astype("<i2").tobytes(), 9)
             data["detail"] = base64.b64encode(packed).decode("ascii")
-        if self.texture.size:
-            data["texture"] = self.texture.tolist()
+        if self.texture is not None:
+            layers = {name: value for name, value in asdict(self.texture.layers).items() if value is not None}
+            data["texture"] = {"coefficients": list(self.texture.coefficients), "layers": layers}
         return data
 
 
@@ -102,12 +118,60 @@ def _between(one: Array, other: Array, share: float) -> Array:
     return result
 
 
+def _texture_between(one: SkinTexture | None, other: SkinTexture | None, share: float) -> SkinTexture | None:
+    """Return the texture at ``share`` from ``one`` to ``other``; layers, and textures of characters, change halfway."""
+    nearer = one if share < 0.5 else other
+    if one is None or other is None or nearer is None:
+        return nearer
+    mixed = _between(np.array(one.coefficients), np.array(other.coefficients), share)
+    return SkinTexture(tuple(mixed.tolist()), nearer.layers)
+
+
+class _LayersJson(JsonObject):
+    """Layers over the skin; ``faceposer.identity.texture_model.SkinLayers`` describes the values."""
+
+    hair: str | UnsetType = UNSET
+    hair_colour: _Colour | UnsetType = UNSET
+    brows: str | UnsetType = UNSET
+    brow_colour: _Colour | UnsetType = UNSET
+    brow_strength: _Share | UnsetType = UNSET
+    beard: _Share | UnsetType = UNSET
+    lip_redness: _Share | UnsetType = UNSET
+    lash_line: _Share | UnsetType = UNSET
+
+    def layers(self) -> SkinLayers:
+        """Return the layers.
+
+        Raises:
+            FacePoserError: If a style is unknown.
+        """
+        given = {name: getattr(self, name) for name in self.__struct_fields__}
+        return SkinLayers(**{name: value for name, value in given.items() if value is not UNSET})
+
+
+class _TextureJson(JsonObject):
+    """The texture of a skin in a file."""
+
+    coefficients: _Row
+    layers: _LayersJson = json_field(default_factory=_LayersJson)
+
+    def __post_init__(self) -> None:
+        try:
+            self.layers.layers()
+        except FacePoserError as error:
+            raise JsonError(f"is not usable ({error})", "layers") from error
+
+    def texture(self) -> SkinTexture:
+        """Return the texture."""
+        return SkinTexture(tuple(self.coefficients), self.layers.layers())
+
+
 class IdentityJson(JsonObject):
     """An identity in a file: coefficients in standard deviations; the detail as compressed 16-bit steps in base 64."""
 
     shape: Annotated[list[_Row], Meta(min_length=1, max_length=64)]
     detail: Annotated[str, Meta(max_length=_MAX_ENCODED)] = ""
-    texture: _Row = json_field(default_factory=list)
+    texture: _TextureJson | UnsetType = UNSET
 
     def __post_init__(self) -> None:
         if len({len(row) for row in self.shape}) > 1:
@@ -119,7 +183,8 @@ class IdentityJson(JsonObject):
 
     def identity(self) -> Identity:
         """Return the identity."""
-        return Identity(np.array(self.shape), _unpacked(self.detail), np.array(self.texture, dtype=np.float64))
+        texture = None if self.texture is UNSET else self.texture.texture()
+        return Identity(np.array(self.shape), _unpacked(self.detail), texture)
 
 
 def _unpacked(text: str) -> NDArray[np.int16]:

@@ -8,7 +8,8 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import convert
 from faceposer.identity.editing import HeadEditor, edited_character, is_editable
-from faceposer.identity.identity import Identity, IdentityJson
+from faceposer.identity.identity import Identity, IdentityJson, SkinTexture
+from faceposer.identity.texture_model import SkinLayers
 from faceposer.model.face_model import FaceModel
 
 
@@ -73,7 +74,7 @@ def test_average_caricature_and_mixtures_lie_on_a_line(editor: HeadEditor) -> No
 
 
 def test_identities_survive_their_file(editor: HeadEditor) -> None:
-    identity = dataclasses.replace(editor.own, texture=np.array([0.5, -1.25]))
+    identity = dataclasses.replace(editor.own, texture=SkinTexture((0.5, -1.25), SkinLayers(hair="none", beard=0.3, brow_colour=(0.1, 0.2, 0.3))))
     again = convert(identity.to_json(), IdentityJson).identity()
     assert again.same(identity)
     assert not again.same(editor.own)
@@ -87,6 +88,8 @@ def test_identities_survive_their_file(editor: HeadEditor) -> None:
         ({"shape": [[0.0], [0.0, 1.0]]}, "shape"),
         ({"shape": [[1e9]]}, "shape"),
         ({"shape": []}, "shape"),
+        ({"texture": {"coefficients": [0.0], "layers": {"hair": "mohawk"}}}, "mohawk"),
+        ({"texture": {"coefficients": [0.0], "layers": {"beard": 2.0}}}, "beard"),
     ],
 )
 def test_damaged_identities_are_refused(editor: HeadEditor, change: dict[str, object], message: str) -> None:
