@@ -18,7 +18,7 @@ from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.template import HeadTemplate, head_template
-from faceposer.identity.texture_model import load_texture_model
+from faceposer.identity.texture_model import SkinLayers, load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 
@@ -241,6 +241,29 @@ class HeadEditor:
         held = self.segments.weights[~changes].sum(axis=0)[:, None]
         detail = held * kept.detail if len(kept.detail_steps) else None
         return Identity.of(shape, detail, kept.texture)
+
+    def own_texture(self) -> SkinTexture:
+        """Return the texture of the model that is most like the character's own, under usual layers."""
+        model = load_texture_model()
+        data = self.character.textures.get("skin")
+        if data is None:
+            return SkinTexture((0.0,) * model.n_coefficients)
+        picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+        return SkinTexture(tuple(model.project(picture).tolist()), self._usual_layers(self.own))
+
+    def random_texture(self, seed: int, identity: Identity) -> SkinTexture:
+        """Return a random skin that fits the age and gender of ``identity``, reproducible by ``seed``."""
+        model = load_texture_model()
+        drawn = model.sample(seed)[0]
+        values = self.measure(identity)
+        for name in ("age", "gender"):
+            drawn = model.with_label(drawn, name, float(np.clip(values[name], -1.0, 1.0)))
+        return SkinTexture(tuple(drawn.tolist()), self._usual_layers(identity))
+
+    def _usual_layers(self, identity: Identity) -> SkinLayers:
+        """Return layers that fit the gender of ``identity``, as measured."""
+        female = self.measure(identity)["gender"] > 0.0
+        return SkinLayers(hair="combed" if female else "short", brows="arched" if female else "straight")
 
     def distance(self, identity: Identity) -> float:
         """Return how far a head is from the average: 0 for the average itself, about 1 for people.

@@ -120,8 +120,11 @@ class Scene:
 
     def portrait(self, coefficients: ArrayLike, camera: Camera, samples: int) -> NDArray[np.uint8]:
         """Render another pose, shape (r,), without showing it: (height, width, 3), top row first."""
+        return self.portrait_of(self._require_model().surface(coefficients, self._contact), camera, samples)
+
+    def portrait_of(self, vertices: NDArray[np.float32], camera: Camera, samples: int) -> NDArray[np.uint8]:
+        """Render other ``vertices``, shape (N, 3), as ``portrait`` does a pose."""
         assert self._normals is not None
-        vertices = self._require_model().surface(coefficients, self._contact)
         self._renderer.update(vertices, self._normals(vertices))
         target = ColourTarget(self._ctx, camera.size, min(samples, self._ctx.max_samples))
         self._renderer.draw(target.framebuffer, camera, expression_lines=self.expression_lines)

@@ -26,7 +26,7 @@ class HeadTool(PosingTool):
 
     name = "head"
     label = "Head"
-    key = "T"
+    key = "B"
     help = "Drag points of the head to change who it is; the expression stays"
     empty_text = "Drag a point of the head: its shape follows, as heads differ from one another."
     cursor = "press"

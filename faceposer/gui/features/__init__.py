@@ -10,6 +10,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.drawings.feature import DrawingsFeature
     from faceposer.gui.features.export.feature import ExportFeature
     from faceposer.gui.features.guide.feature import GuideFeature
+    from faceposer.gui.features.head.feature import HeadFeature
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.gui.features.photo.feature import PhotoFeature
     from faceposer.gui.features.poses.feature import PosesFeature
@@ -23,6 +24,7 @@ def build_features(context: EditorContext) -> Features:
 
     kinds: tuple[type[Feature], ...] = (
         PosesFeature,
+        HeadFeature,
         PhotoFeature,
         TimelineFeature,
         TrajectoriesFeature,
