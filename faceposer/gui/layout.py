@@ -123,8 +123,8 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
 def _narrow() -> Iterator[None]:
     """Reduce the padding of tabs, so that all titles fit; both the bar and each tab read the style."""
     style = imgui.get_style()
-    imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.45), style.frame_padding.y))
-    imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, (em(0.15), style.item_inner_spacing.y))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.2), style.frame_padding.y))
+    imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, (em(0.05), style.item_inner_spacing.y))
     yield
     imgui.pop_style_var(2)
 

@@ -31,6 +31,8 @@ _TOGETHER = (0.05, 5.0)
 # Every so many control vertices hold the head.
 _EVERY = 12
 _STEPS = 3
+# Standard deviations along a drag up to which the head follows wholly, and by how many more it can go.
+_NATURAL, _BEYOND = 3.0, 2.0
 
 
 class HeadDrag:
@@ -120,6 +122,25 @@ class HeadDrag:
             residuals = (pixels - projected).ravel() / _PIXELS + rows @ change
             gain = self._inverse_prior @ rows.T
             change = gain @ np.linalg.solve(rows @ gain + np.eye(len(rows)), residuals)
+        change *= self._natural_share(change)
         shape = self.identity.shape.copy()
         shape[np.ix_(self._free, self._modes)] += change.reshape(int(self._free.sum()), -1)
         return Identity(shape, self.identity.detail_steps, self.identity.texture)
+
+    def _natural_share(self, change: Array) -> float:
+        """Return the factor on a ``change`` of shape (s K,) that keeps the head within what heads do.
+
+        In the segment that changes most, z standard deviations along the change, counted from the average head, become
+        z if they are few, and approach a limit otherwise.
+        """
+        rows = change.reshape(int(self._free.sum()), -1)
+        most = int(np.square(rows).sum(axis=1).argmax())
+        length = float(np.linalg.norm(rows[most]))
+        if length <= 0.0:
+            return 1.0
+        begun = float(self.identity.shape[np.flatnonzero(self._free)[most], self._modes] @ rows[most]) / length
+        reached = begun + length
+        beyond = reached - max(_NATURAL, begun)
+        if beyond <= 0.0:
+            return 1.0
+        return (length - beyond + _BEYOND * float(np.tanh(beyond / _BEYOND))) / length

@@ -108,7 +108,8 @@ class Scene:
 
     def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
         """Render for ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
-        lines = self.expression_lines
+        # The vertices of a preview differ from the neutral face by more than the expression.
+        lines = self.expression_lines and self._preview is None
         key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo, lines, self.look)
         if self._drawn is None or self._drawn[0] != key:
             target = self._target(camera.size, min(samples, self._ctx.max_samples))

@@ -39,7 +39,7 @@ def test_the_derivatives_are_those_of_the_skin(editor: HeadEditor) -> None:
 
 
 @pytest.mark.parametrize("name", ["9.3", "2.1", "8.3", "5.1"])
-@pytest.mark.parametrize("offset", [(0.0, -14.0), (12.0, 5.0)])
+@pytest.mark.parametrize("offset", [(0.0, -10.0), (6.0, 4.0)])
 def test_the_point_comes_to_the_pointer(editor: HeadEditor, name: str, offset: tuple[float, float]) -> None:
     drag, points, position = _drag(editor, name)
     target = CAMERA.project(position) + offset
@@ -47,6 +47,17 @@ def test_the_point_comes_to_the_pointer(editor: HeadEditor, name: str, offset: t
     reached = CAMERA.project(_positions(editor, points, identity))
     assert np.linalg.norm(reached - target) < 2.5
     assert editor.distance(identity) < editor.distance(editor.own) + 0.6
+
+
+def test_heads_go_no_farther_than_heads_do(editor: HeadEditor) -> None:
+    drag, points, position = _drag(editor, "9.3")
+    lengths = []
+    for pixels in (10.0, 60.0, 600.0, 6000.0):
+        identity = drag.moved_to(CAMERA.project(position) - (0.0, pixels), CAMERA)
+        lengths.append(float(np.linalg.norm(_positions(editor, points, identity) - position)))
+        assert np.linalg.norm(identity.shape - editor.own.shape, axis=1).max() < 6.0
+    assert lengths[0] < lengths[1] < lengths[2] < 2.5
+    assert lengths[3] < 1.05 * lengths[2]
 
 
 def test_what_is_far_away_stays_the_more_the_less_the_spread(editor: HeadEditor) -> None:

@@ -64,7 +64,8 @@ class HeadFeature(Feature):
         self._job: ThreadJob[None] | None = None
         self._editor: HeadEditor | None = None
         self._drag: _Drag | None = None
-        self._drawn = False
+        # Number of the last frame in which the slider of the drag was drawn.
+        self._drawn = 0
         self._seed = 0
         self._measured: tuple[Identity | None, dict[str, float]] = (None, {})
         self._original: tuple[HeadEditor | None, dict[str, float]] = (None, {})
@@ -148,9 +149,8 @@ class HeadFeature(Feature):
         Raises:
             Exception: The error of the preparation.
         """
-        if self._drag is not None and not self._drawn:
+        if self._drag is not None and imgui.get_frame_count() > self._drawn:
             self._end_drag(keep=True)
-        self._drawn = False
         if self._job is not None and self._job.done:
             job, self._job = self._job, None
             self.context.redraw()
@@ -242,7 +242,7 @@ class HeadFeature(Feature):
             self._drag = _Drag(key, label, self.identity)
         if self._drag is None or self._drag.key != key:
             return
-        self._drawn = True
+        self._drawn = imgui.get_frame_count()
         if changed:
             self.context.session.preview_identity(make(self._drag.before))
             self.context.redraw()

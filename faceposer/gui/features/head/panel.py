@@ -14,6 +14,7 @@ from faceposer.gui.widgets.basic import (
     disabled,
     fitted_button,
     heading,
+    section,
     toggle_button,
 )
 from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
@@ -55,7 +56,7 @@ class HeadPanel:
             caption("Measuring the head...")
             return
         imgui.begin_child("##head")
-        with disabled(context.toolbox.active or context.playing):
+        with disabled(context.toolbox.active or (context.playing and not head.busy)):
             self._draw_likelihood(editor)
             self._draw_random(editor)
             self._draw_lines()
@@ -197,7 +198,7 @@ class HeadPanel:
                 groups.setdefault(attribute.group, []).append(attribute)
         for i, (group, attributes) in enumerate(groups.items()):
             flags = imgui.TreeNodeFlags_.default_open.value if i == 0 or wanted else 0
-            opened = imgui.collapsing_header(group, flags)
+            opened = section(group, flags)
             context.widget_rects.record(f"head:group:{group}")
             if opened:
                 for attribute in attributes:

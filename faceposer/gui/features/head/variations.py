@@ -1,5 +1,6 @@
 """A grid of random variations of the head, to choose from."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +48,9 @@ class Variations:
         self._round += 1
         present = self._head.identity
         others = (self._head.random_head(1000 * self._round + i) for i in range(_COLUMNS * _ROWS - 1))
-        self._identities = [present, *(present.mixed(other, 0.5) for other in others)]
+        mixed = (present.mixed(other, 0.5) for other in others)
+        # The thumbnails show the present skin.
+        self._identities = [present, *(replace(head, texture=present.texture) for head in mixed)]
 
     def close(self) -> None:
         """Close the grid."""
