@@ -36,6 +36,10 @@ def slide(robot: Robot, name: str, share: float) -> None:
     robot.frames(2)
 
 
+def previewing(robot: Robot) -> bool:
+    return robot.app.session.preview is not None
+
+
 def skin(robot: Robot) -> np.ndarray:
     return robot.app.session.model.character.vertices[:17259].copy()
 
@@ -148,11 +152,11 @@ def test_dragging_changes_the_head_and_not_the_pose(robot: Robot) -> None:
     robot.move(begin)
     robot.press()
     robot.move((begin[0] + 30.0, begin[1]))
-    assert session.preview is not None
+    assert previewing(robot)
     robot.key("Esc")
     robot.release()
     robot.frames(2)
-    assert session.preview is None
+    assert not previewing(robot)
     np.testing.assert_array_equal(skin(robot), shaped)
 
 
