@@ -119,7 +119,10 @@ def _model_of(path: Path, meta: dict[str, Any], members: dict[str, NDArray[Any]]
         k, c = len(deviations), template.n_control
         if mean.shape != (c, 3) or modes.shape != (k, c, 3) or steps.shape != (k,) or k == 0:
             raise _unusable(path, "its heads do not have the topology of the built-in man")
-        if not all(np.isfinite(array).all() for array in (mean, modes, steps, deviations)) or not (deviations > 0).all():
+        if (
+            not all(np.isfinite(array).all() for array in (mean, modes, steps, deviations))
+            or not (deviations > 0).all()
+        ):
             raise ValueError("not finite")
         segments = None
         if "shape.segments" in members:
