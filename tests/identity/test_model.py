@@ -281,11 +281,3 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 def test_weights_of_segments_must_sum_to_one() -> None:
     with pytest.raises(ValueError, match="sum to 1"):
         Segments(("a", "b"), np.full((2, 5), 0.6))
-
-
-def test_numbers_that_are_not_finite_are_not_written(shipped: IdentityModel, tmp_path: Path) -> None:
-    model = IdentityModel().fit(heads_with(np.array([1.0]), 9)[0])
-    model.noise = np.nan
-    with pytest.raises(FacePoserError, match="not finite"):
-        save_identity_model(tmp_path / "m.npz", model)
-    assert not list(tmp_path.iterdir())
