@@ -76,12 +76,19 @@ class EyeFit:
         self._corners = loop[[skin[loop, 0].argmin(), skin[loop, 0].argmax()]]
         margin = among(template.fine, np.concatenate([around[k] for k in LID_RINGS]))
         inside = among(template.fine, np.concatenate(around[: LASH_RING + 1]))
-        self._margin, self._rest_lids = margin, skin[self._edges]
+        self._rest_lids = skin[self._edges]
         self._width = float(np.linalg.norm(np.diff(skin[self._corners], axis=0)))
         self._share = np.linalg.norm(skin[self._edges] - ball.centre, axis=1) / ball.radius
-        self._margin_share = np.linalg.norm(skin[margin] - ball.centre, axis=1) / ball.radius
+        # The inner edges of the lids are placed relative to the outer ones, as in the reference.
+        self._inner = np.setdiff1d(margin, self.ring)
+        away, self._outer = cKDTree(skin[self.ring]).query(skin[self._inner], k=3)
+        self._nearness = 1.0 / (away + 0.01)
+        self._nearness /= self._nearness.sum(axis=1, keepdims=True)
+        self._behind = self._relative(skin, ball)
+        self._behind_closed = self._relative(skin + blink, ball)
+        self._ring_share = np.linalg.norm(skin[self.ring] - ball.centre, axis=1) / ball.radius
         # The skin around the lids follows the corrections of its nearest places on them.
-        away, nearest = cKDTree(skin[margin]).query(skin, k=4, distance_upper_bound=_FADES)
+        away, nearest = cKDTree(skin[self.ring]).query(skin, k=4, distance_upper_bound=_FADES)
         near = np.flatnonzero(np.isfinite(away).all(axis=1))
         near = np.setdiff1d(near, inside)
         self._around = near
@@ -125,12 +132,13 @@ class EyeFit:
     def fit_lids(self, skin: Floats, ball: Ball) -> Floats:
         """Return ``skin`` (N, 3) with its lids at about the reference's distances from ``ball``, and no skin inside."""
         result = skin.copy()
-        away = skin[self._margin] - ball.centre
+        away = skin[self.ring] - ball.centre
         distance = np.linalg.norm(away, axis=1)
-        lack = self._margin_share * ball.radius - distance
+        lack = self._ring_share * ball.radius - distance
         excess = lack - np.clip(lack, -_LOOSE * ball.radius, _LOOSE * ball.radius)
         moves = (excess / distance)[:, None] * away
-        result[self._margin] += moves
+        result[self.ring] += moves
+        result[self._inner] = self._inside(result, self._behind, ball)
         nearest, weight = self._follow
         result[self._around] += np.einsum("nk,nkd->nd", weight, moves[nearest])
         away = result[self._before] - ball.centre
@@ -166,21 +174,39 @@ class EyeFit:
             moved = skin[self._blinking] + result[self._blinking]
             turned = _raised(moved, ball.centre, self._fade * angle[self._on_ring])
             result[self._blinking] += turned - moved
+        result[self._inner] = self._inside(skin + result, self._behind_closed, ball) - skin[self._inner]
         return result
+
+    def _relative(self, vertices: Floats, ball: Ball) -> Floats:
+        """Return the inner edges relative to the outer ones as azimuth, elevation and distance in radii, (n, 3)."""
+        outer = _polar(vertices[self.ring], ball)
+        relative: Floats = _polar(vertices[self._inner], ball) - np.einsum(
+            "nk,nkd->nd", self._nearness, outer[self._outer]
+        )
+        return relative
+
+    def _inside(self, vertices: Floats, relative: Floats, ball: Ball) -> Floats:
+        """Return the places of the inner edges, (n, 3), from the outer ones of ``vertices``; see `_relative`."""
+        outer = _polar(vertices[self.ring], ball)
+        azimuth, elevation, distance = (np.einsum("nk,nkd->nd", self._nearness, outer[self._outer]) + relative).T
+        level = np.cos(elevation)
+        direction = np.stack([level * np.sin(azimuth), np.sin(elevation), level * np.cos(azimuth)], axis=1)
+        places: Floats = ball.centre + ball.radius * distance[:, None] * direction
+        return places
 
     def _gaps(self, skin: Floats, blink: Floats, centre: Floats) -> Floats:
         """Return the angle between the edges of the closed lids at each vertex of the ring, in radians, shape (n,)."""
-        places = _seen(skin[self.ring] + blink[self.ring], centre)
+        places = _polar(skin[self.ring] + blink[self.ring], Ball(centre, 1.0))[:, :2]
         by_vertex = dict(zip(self.ring.tolist(), places.tolist(), strict=True))
         above, below = (np.array(sorted(by_vertex[vertex] for vertex in half.tolist())).T for half in self.halves)
         gaps: Floats = np.interp(places[:, 0], *above) - np.interp(places[:, 0], *below)
         return gaps
 
 
-def _seen(points: Floats, centre: Floats) -> Floats:
-    """Return azimuth and elevation of ``points`` (n, 3) as seen from ``centre``, in radians, shape (n, 2)."""
-    x, y, z = (points - centre).T
-    return np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=1)
+def _polar(points: Floats, ball: Ball) -> Floats:
+    """Return ``points`` (n, 3) as azimuth and elevation in radians and distance from the centre in radii, (n, 3)."""
+    x, y, z = (points - ball.centre).T / ball.radius
+    return np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z)), np.sqrt(x * x + y * y + z * z)], axis=1)
 
 
 def _raised(points: Floats, centre: Floats, angle: Floats) -> Floats:

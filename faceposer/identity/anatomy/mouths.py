@@ -24,8 +24,6 @@ _LIP_REACH = 0.45
 _CLOSING = (1.0, 2.8)
 #: Radius around the mouth in which the size of the face determines that of the teeth, in centimetres.
 _AROUND = 5.0
-#: Half the width of the middle of the lips, in centimetres of the reference.
-_MIDDLE = 0.5
 #: Motion below which a vertex is taken not to turn with the jaw, and distance from the hinge for the same, in
 #: centimetres.
 _STILL, _AT_HINGE = 1e-3, 1.0
@@ -56,7 +54,6 @@ class MouthFit:
         self._loop = fine_loop(template.fine, contact_ids)
         self._upper, self._lower = upper_and_lower(skin, self._loop, "Left")
         contact = skin[self._loop]
-        self._middle = self._loop[np.abs(contact[:, 0]) < _MIDDLE]
         self._near = np.flatnonzero(np.linalg.norm(skin - contact.mean(axis=0) * [0, 1, 1], axis=1) < _AROUND)
         self._width = float(np.ptp(contact[:, 0]))
         self._size = float(np.sqrt(skin[self._near].var(axis=0).sum()))
@@ -94,7 +91,7 @@ class MouthFit:
 
     def place(self, skin: Floats) -> Place:
         """Return the place of the inside of the mouth behind the lips of ``skin``, (N, 3)."""
-        line, inner = float(skin[self._middle, 1].mean()), float(skin[list(_INNER_LIPS), 2].min())
+        line, inner = float(skin[self._loop, 1].mean()), float(skin[list(_INNER_LIPS), 2].min())
         width = float(np.ptp(skin[self._loop, 0])) / self._width
         size = float(np.sqrt(skin[self._near].var(axis=0).sum())) / self._size
         middle = float(skin[self._loop, 0].mean())
