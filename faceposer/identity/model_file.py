@@ -88,6 +88,7 @@ def save_identity_model(
     steps = np.maximum(np.abs(basis).max(axis=(1, 2)) / _LARGEST_STEP, 1e-12).astype(np.float32)
     values = {"mean": model.mean_vertices, "basis": basis, "deviations": model.standard_deviations}
     check_finite(target, "model of heads", *values.values(), model.noise, model.total_variance)
+    check_finite(target, "model of heads", *(a for a in (members or {}).values() if a.dtype.kind == "f"))
     facts = {
         **(meta or {}),
         "format": FORMAT,

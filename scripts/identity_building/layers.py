@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy import ndimage
 
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.raster import Image32, Noise

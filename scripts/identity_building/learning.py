@@ -21,7 +21,7 @@ CREDITS = (
     "Shapes learned from identities of ICT-FaceKit Light, Copyright (c) 2020 USC Institute for Creative Technologies, "
     "MIT licence, laid on MakeHuman's base mesh (CC0 1.0)."
 )
-#: Modes kept, and seed and number of the sampled identities; each comes with its opposite and the mirror images of both.
+#: Modes kept, and seed and number of the sampled identities; with each come its opposite and their mirror images.
 N_MODES, _SEED, _N_SAMPLES = 100, 1999, 600
 
 
@@ -70,8 +70,8 @@ class Learning:
         """Return ``n`` sampled heads, shape (n, C, 3).
 
         If ``balanced``, their weights have exactly the moments of the standard normal distribution: their second moment
-        is the identity matrix, and the opposite of each follows, 2 n heads in all. The sampling then adds no error to the
-        covariance.
+        is the identity matrix, and the opposite of each follows, 2 n heads in all. The sampling then adds no error to
+        the covariance.
         """
         weights = np.random.default_rng(seed).standard_normal((n, len(self.people.modes)))
         if balanced:

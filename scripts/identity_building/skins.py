@@ -127,9 +127,9 @@ def filled(image: Image32, known: Image32) -> Image32:
 def statistics(skins: Skins, texels: SkinTexels) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return metadata and arrays of the mean skin and its modes.
 
-    The first mode is the tone: what the colours of each texel share with the mean brightness of the face. The others are
-    the principal components of the rest. All have unit deviation over the skins. In logarithms, the tone is linear in
-    the density of melanin (Beer and Lambert), and colours are positive for all coefficients.
+    The first mode is the tone: what the colours of each texel share with the mean brightness of the face. The others
+    are the principal components of the rest. All have unit deviation over the skins. In logarithms, the tone is linear
+    in the density of melanin (Beer and Lambert), and colours are positive for all coefficients.
     """
     weight = texels.texels.image(_face(texels)[:, None])[..., 0]
     weight *= texels.texels.covered / weight.sum()
