@@ -33,6 +33,8 @@ LIMIT = 2.5
 _PORES, _TILE = 0.018, 256
 #: Deviation of the creases of the lips.
 _CREASES = 0.045
+#: Transmission in 8 bits above which a layer shows no hair.
+_BARE = 244
 #: Deviation of a texture's coarse logarithms apart from the model.
 _NOISE = 0.05
 #: Logarithm by which full redness changes the colour of the lips.
@@ -221,7 +223,10 @@ class TextureModel:
         kept = self.__dict__.setdefault("_hair_layers", {})
         if name not in kept:
             plane = self._decoded(name)
-            kept[name] = Layer(np.stack([plane[:SIZE], plane[SIZE:]]), (255, 0))
+            transmission, shade = plane[:SIZE], plane[SIZE:]
+            # Faint echoes of hairs that compression leaves in bare skin are taken out.
+            bare = transmission > _BARE
+            kept[name] = Layer(np.stack([np.where(bare, 255, transmission), np.where(bare, 0, shade)]), (255, 0))
         layer: Layer = kept[name]
         return layer
 
@@ -271,6 +276,8 @@ def load_texture_model(path: Path | None = None) -> TextureModel:
         vectors = [
             {name: np.array(v, dtype=np.float64) for name, v in meta[key].items()} for key in ("labels", "skins")
         ]
+        for name, data in layers.items():
+            _check_picture(data, 1 if name in ("masks", "inside") else 2)
         if any(vector.shape != (len(lips) - 1,) for group in vectors for vector in group.values()):
             raise ValueError("coefficients")
         if not np.isfinite(ranges).all() or not {"masks", "inside", "beard"} <= layers.keys():
@@ -283,8 +290,18 @@ def load_texture_model(path: Path | None = None) -> TextureModel:
         raise unusable(path, NOUN, "its arrays do not belong together") from error
 
 
+def _check_picture(data: bytes, ratio: int) -> None:
+    """Raise ValueError if an image is not a JPEG file of ``ratio`` squares one above the other that divide `SIZE`."""
+    with Image.open(io.BytesIO(data), formats=["JPEG"]) as picture:
+        width, height = picture.size
+        if width > SIZE or SIZE % width or height != ratio * width:
+            raise ValueError("size")
+
+
 def _stored(data: NDArray[Any], limits: Array) -> Image32:
-    pixels = np.asarray(Image.open(io.BytesIO(data.astype(np.uint8).tobytes())), dtype=np.float32)
+    content = data.astype(np.uint8).tobytes()
+    _check_picture(content, 1)
+    pixels = np.asarray(Image.open(io.BytesIO(content), formats=["JPEG"]), dtype=np.float32)
     low, high = (np.float32(limit) for limit in limits)
     return low + (high - low) / np.float32(255.0) * pixels
 
