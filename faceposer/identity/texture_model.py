@@ -30,9 +30,9 @@ SIZE, _COARSE = 2048, 256
 #: Largest natural coefficient.
 LIMIT = 2.5
 #: Deviation of the pores, and side of the square that repeats, in pixels.
-_PORES, _TILE = 0.018, 256
+_PORES, _TILE = 0.026, 256
 #: Deviation of the creases of the lips.
-_CREASES = 0.045
+_CREASES = 0.03
 #: Transmission in 8 bits above which a layer shows no hair.
 _BARE = 244
 #: Deviation of a texture's coarse logarithms apart from the model.
@@ -133,7 +133,7 @@ class TextureModel:
         hairs = self._hairs(style)
         texture = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
         for place in _TILES:
-            brightness = luma[place] + self._pores
+            brightness = luma[place] + self._pores * self._grain[place]
             masks = self._masks.at(place)
             over = [(name, layer.at(place), colour, density) for name, layer, colour, density in hairs]
             for k, chroma in enumerate((red[place], -(red[place] + blue[place]), blue[place])):
@@ -192,6 +192,12 @@ class TextureModel:
         # Pores are pits, so that the dark half is stronger.
         grain = np.where(grain < 0.0, 1.25 * grain, 0.6 * grain)
         return (_PORES * (grain - grain.mean())).astype(np.float32)
+
+    @cached_property
+    def _grain(self) -> Image32:
+        """Strength of the pores, shape (SIZE, SIZE)."""
+        picture = np.asarray(Image.open(io.BytesIO(self.layers["grain"]), formats=["JPEG"]), dtype=np.float32)
+        return _resized(picture / np.float32(255.0), SIZE)
 
     @cached_property
     def _creases(self) -> Image32:
@@ -277,10 +283,10 @@ def load_texture_model(path: Path | None = None) -> TextureModel:
             {name: np.array(v, dtype=np.float64) for name, v in meta[key].items()} for key in ("labels", "skins")
         ]
         for name, data in layers.items():
-            _check_picture(data, 1 if name in ("masks", "inside") else 2)
+            _check_picture(data, 1 if name in ("masks", "inside", "grain") else 2)
         if any(vector.shape != (len(lips) - 1,) for group in vectors for vector in group.values()):
             raise ValueError("coefficients")
-        if not np.isfinite(ranges).all() or not {"masks", "inside", "beard"} <= layers.keys():
+        if not np.isfinite(ranges).all() or not {"masks", "inside", "grain", "beard"} <= layers.keys():
             raise ValueError("layers")
         luma = np.stack([plane[0] for plane in planes])
         chroma = np.stack([np.stack(plane[1:]) for plane in planes])

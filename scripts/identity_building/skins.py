@@ -19,7 +19,7 @@ _AGES = {"young": 0.0, "middleage": 0.5, "old": 1.0}
 #: Width of the skin that is filled around painted eyes, and around lips, in centimetres.
 _EYE_REACH, _LIP_REACH = 0.5, 0.18
 #: Share of the shading of the mean skin, brighter or darker than the surface as a whole, that is taken out.
-_FLATTENED = 0.55
+_FLATTENED = 0.7
 #: Detail that is no shading, in pixels of the texture, as a Gaussian's deviation at 1024 pixels.
 _SHADING_SIZE = 28.0
 #: Share of the variance without the tone below which a component is left out.
