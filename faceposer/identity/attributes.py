@@ -5,8 +5,8 @@ the held ones H (rows of L), the shortest change in the metric of C that changes
 
     Δ = C Hᵀ (H C Hᵀ)⁻¹ u,
 
-equation (3) of Blanz and Vetter (SIGGRAPH 1999) with further equations. The file has the columns of V = C Lᵀ; C contains,
-besides the statistics, MakeHuman's directions and details, so that Δ may leave the span of the modes.
+equation (3) of Blanz and Vetter (SIGGRAPH 1999) with further equations. The file has the columns of V = C Lᵀ; C
+contains, besides the statistics, MakeHuman's directions and details, so that Δ may leave the span of the modes.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -122,6 +122,11 @@ class HeadAttributes:
         """Share of each of the first C vertices of the skin in the alignment of heads, shape (C,)."""
         return self._weights
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all attributes; as ``keep`` of `changed`, they hold everything else exactly."""
+        return tuple(self._attributes)
+
     def __getitem__(self, name: str) -> Attribute:
         """Return the attribute ``name``.
 
@@ -151,7 +156,8 @@ class HeadAttributes:
         Args:
             skin: A head.
             values: Values by name of attribute. Of one ethnicity, the others make up for it in equal parts.
-            keep: Attributes that are to keep their values besides; all if None.
+            keep: Attributes that are to keep their values besides. If None, attributes of the person keep each other,
+                and the face changes with them; attributes of the face then keep all others.
             seed: Pattern by which a symmetric head becomes asymmetric.
 
         Raises:
@@ -161,20 +167,25 @@ class HeadAttributes:
             self[name]
             if not np.isfinite(value):
                 raise FacePoserError(f"The value of the attribute '{name}' must be a finite number, not {value}.")
-        points = self._checked(skin)
+        result = self._checked(skin)
+        person = {name: value for name, value in values.items() if self._attributes[name].group == PERSON}
+        face = {name: value for name, value in values.items() if name not in person}
         if keep is None:
-            kept = set(self._attributes)
+            people = {attribute.name for attribute in self.attributes if attribute.group == PERSON}
+            result = self._with_linear(result, person, people)
+            result = self._with_linear(result, face, set(self._attributes))
         else:
-            kept = {self[name].name for name in keep}
-        result = self._with_linear(points, values, kept)
+            result = self._with_linear(result, values, {self[name].name for name in keep})
         if ASYMMETRY in values:
             result = self._with_asymmetry(result, float(values[ASYMMETRY]), seed)
         return result
 
     def _with_linear(self, points: Array, values: Mapping[str, float], kept: set[str]) -> Array:
-        wanted = _with_ethnicities(values, lambda: self.measure(points))
+        if any(name in ETHNICITIES for name in values):
+            values = _with_ethnicities(values, self.measure(points))
+        wanted = {name: float(values[name]) for name in self._linear if name in values}
         held = [k for k, name in enumerate(self._linear) if name in wanted or name in kept]
-        if not any(name in wanted for name in self._linear):
+        if not wanted:
             return points
         first = self._linear_values(self._alignment(points).apply(points))
         target = np.array([wanted.get(self._linear[k], first[k]) for k in held])
@@ -250,7 +261,10 @@ def load_attributes(path: Path | None = None, model: IdentityModel | None = None
             raise ValueError("shapes")
         if [attribute.name for attribute in attributes[-2:]] != [ETHNICITIES[2], ASYMMETRY]:
             raise ValueError("names")
-        return HeadAttributes(attributes, *arrays, model.mean_vertices, weights, model.template)
+        functionals, directions, patterns = arrays
+        return HeadAttributes(
+            attributes, functionals, directions, patterns, model.mean_vertices, weights, model.template
+        )
     except _INVALID as error:
         raise unusable(path, NOUN, "its arrays do not belong together") from error
 
@@ -273,8 +287,11 @@ def _attribute(entry: Mapping[str, Any]) -> Attribute:
     scale = float(entry["scale"])
     if not (low < high and scale > 0.0 and np.isfinite([low, high, scale, entry["average"]]).all()):
         raise ValueError("limits")
-    texts = [str(entry[name]) for name in ("name", "group", "title", "less", "more", "unit")]
-    return Attribute(*texts, float(entry["average"]), scale, (low, high), str(entry.get("relative_to", "")))
+    name, group, title, less, more, unit = (
+        str(entry[key]) for key in ("name", "group", "title", "less", "more", "unit")
+    )
+    average, relative_to = float(entry["average"]), str(entry.get("relative_to", ""))
+    return Attribute(name, group, title, less, more, unit, average, scale, (low, high), relative_to)
 
 
 def without_motion(rows: Array, points: Array, weights: Array) -> Array:
@@ -289,18 +306,10 @@ def without_motion(rows: Array, points: Array, weights: Array) -> Array:
     return result
 
 
-def _with_ethnicities(values: Mapping[str, float], measured: Any) -> dict[str, float]:
-    """Return ``values`` with African and Asian such that all three have the given values, as far as they add up to 0."""
+def _with_ethnicities(values: Mapping[str, float], now: Mapping[str, float]) -> dict[str, float]:
+    """Return ``values`` with all ethnicities, adding up to 0: as given, and the others as ``now`` but for a shift."""
     given = {name: float(values[name]) for name in ETHNICITIES if name in values}
-    result = {name: float(value) for name, value in values.items()}
-    if not given:
-        return result
-    if len(given) == len(ETHNICITIES):
-        middle = sum(given.values()) / len(given)
-        shares = {name: value - middle for name, value in given.items()}
-    else:
-        free = [name for name in ETHNICITIES if name not in given]
-        now = measured()
-        left = -sum(given.values()) - sum(now[name] for name in free)
-        shares = given | {name: now[name] + left / len(free) for name in free}
-    return result | shares
+    free = [name for name in ETHNICITIES if name not in given]
+    shares = given | {name: now[name] for name in free}
+    excess = sum(shares.values()) / len(free or given)
+    return {**values, **shares, **{name: shares[name] - excess for name in free or given}}

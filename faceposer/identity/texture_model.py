@@ -18,35 +18,25 @@ from PIL import Image
 
 from faceposer.errors import FacePoserError
 from faceposer.identity.companion_file import read_companion, unusable
+from faceposer.identity.skin_layers import FOLDS, FOLDS_SHARE, Colour, Layer, SkinLayers, painted
 from faceposer.resources import asset_path
 
 Array = NDArray[np.float64]
 Image32 = NDArray[np.float32]
-Colour = tuple[float, float, float]
 
 FORMAT, NOUN = "faceposer.textures", "texture model"
 #: Width and height of the textures, and of the grid on which they are compared.
 SIZE, _COARSE = 2048, 256
-#: Styles of the layers; "none" leaves one out.
-HAIR_STYLES, BROW_STYLES = ("none", "short", "combed"), ("none", "straight", "arched", "heavy")
 #: Largest natural coefficient.
 LIMIT = 2.5
-#: Logarithm of the colour of the lids' wet edges relative to skin.
-_WET = np.array([-0.03, -0.22, -0.15], dtype=np.float32)
-#: Colours (sRGB, 0..1) of the lining of the mouth: deep inside, and behind the lips.
-_LINING, _BEHIND_LIPS = (0.44, 0.16, 0.16), (0.70, 0.36, 0.345)
-#: Powers with which folds are darkened per channel: light there has passed through skin.
-_FOLDS = np.array([0.35, 0.55, 0.60], dtype=np.float32)
-#: Share of that darkening that skins do not show already.
-_FOLDS_SHARE = 0.6
 #: Deviation of the pores, and side of the square that repeats, in pixels.
-_PORES, _TILE = 0.018, 256
+_PORES, _TILE = 0.026, 256
 #: Deviation of the creases of the lips.
-_CREASES = 0.045
+_CREASES = 0.03
+#: Transmission in 8 bits above which a layer shows no hair.
+_BARE = 244
 #: Deviation of a texture's coarse logarithms apart from the model.
 _NOISE = 0.05
-#: Factors of the skin's colour where stubble shines through it.
-_BELOW = (0.63, 0.68, 0.75)
 #: Logarithm by which full redness changes the colour of the lips.
 _LIPSTICK = np.array([0.05, -0.55, -0.35])
 #: Part of the texture with the face: first and last row and column, as shares.
@@ -60,45 +50,13 @@ _TILES = [
 _INVALID = (AttributeError, IndexError, KeyError, OSError, SyntaxError, TypeError, ValueError)
 
 
-@dataclass(frozen=True)
-class SkinLayers:
-    """What lies over the skin. Colours are sRGB, 0..1.
-
-    Attributes:
-        hair: Style of the hair, one of `HAIR_STYLES`.
-        hair_colour: Colour of the hair.
-        brows: Style of the brows, one of `BROW_STYLES`.
-        brow_colour: Colour of the brows; that of the hair if None.
-        brow_strength: Density of the brows: 0 none, 1 as painted.
-        beard: Density of the stubble: 0 none, 1 strong.
-        lip_redness: Redness of the lips relative to that of the skin model: 0 as it is, 1 like lipstick.
-        lash_line: Darkness of the lids' edges, 0..1.
-    """
-
-    hair: str = "short"
-    hair_colour: Colour = (0.23, 0.165, 0.125)
-    brows: str = "straight"
-    brow_colour: Colour | None = None
-    brow_strength: float = 0.85
-    beard: float = 0.0
-    lip_redness: float = 0.0
-    lash_line: float = 0.4
-
-    def __post_init__(self) -> None:
-        for noun, style, styles in (("hair", self.hair, HAIR_STYLES), ("brows", self.brows, BROW_STYLES)):
-            if style not in styles:
-                raise FacePoserError(f"There is no style '{style}' of {noun}; styles are {', '.join(styles)}.")
-        numbers = [*self.hair_colour, *(self.brow_colour or ()), self.brow_strength, self.beard]
-        if not np.isfinite([*numbers, self.lip_redness, self.lash_line]).all():
-            raise FacePoserError("Colours and strengths of layers over the skin must be finite numbers.")
-
-
 @dataclass(frozen=True, eq=False)
 class TextureModel:
     """A mean skin with modes, and layers.
 
     Attributes:
-        luma: Brightness, mean of the logarithms of the channels, of the mean and the K modes, shape (1 + K, 1024, 1024).
+        luma: Brightness, the mean of the logarithms of the channels, of the mean and the K modes, shape
+            (1 + K, 1024, 1024).
         chroma: Logarithms of red and blue minus brightness, shape (1 + K, 2, 256, 256).
         lips: Logarithms of the colour of lips relative to skin, of the mean and the modes, shape (1 + K, 3).
         labels: Change of the coefficients per unit of a label: "age" (0 young, 1 old) and "gender" (1 female), (K,).
@@ -142,7 +100,7 @@ class TextureModel:
         return float(slope @ self._checked(coefficients) / (slope @ slope))
 
     def with_label(self, coefficients: ArrayLike, name: str, value: float) -> Array:
-        """Return the nearest coefficients with "age" or "gender" of ``value``; the tone and the other label are kept."""
+        """Return the nearest coefficients with "age" or "gender" of ``value``; tone and the other label are kept."""
         given = self._checked(coefficients)
         slopes = np.stack([self.labels[name], *(slope for other, slope in self.labels.items() if other != name)])
         rows = np.concatenate([slopes, np.eye(1, self.n_coefficients)])
@@ -175,11 +133,11 @@ class TextureModel:
         hairs = self._hairs(style)
         texture = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
         for place in _TILES:
-            brightness = luma[place] + self._pores
+            brightness = luma[place] + self._pores * self._grain[place]
             masks = self._masks.at(place)
             over = [(name, layer.at(place), colour, density) for name, layer, colour, density in hairs]
             for k, chroma in enumerate((red[place], -(red[place] + blue[place]), blue[place])):
-                texture[*place, k] = _painted(
+                texture[*place, k] = painted(
                     k, brightness + chroma, lips[k], masks, over, style.lash_line, self._creases
                 )
         if size == SIZE:
@@ -236,6 +194,12 @@ class TextureModel:
         return (_PORES * (grain - grain.mean())).astype(np.float32)
 
     @cached_property
+    def _grain(self) -> Image32:
+        """Strength of the pores, shape (SIZE, SIZE)."""
+        picture = np.asarray(Image.open(io.BytesIO(self.layers["grain"]), formats=["JPEG"]), dtype=np.float32)
+        return _resized(picture / np.float32(255.0), SIZE)
+
+    @cached_property
     def _creases(self) -> Image32:
         """Upright creases of the lips that repeat, added to their logarithms, shape (tile, tile)."""
         from scipy import ndimage
@@ -245,11 +209,11 @@ class TextureModel:
         return (_CREASES * streaks / streaks.std()).astype(np.float32)
 
     @cached_property
-    def _masks(self) -> "_Layer":
+    def _masks(self) -> Layer:
         planes = [self._decoded(name) for name in ("masks", "inside")]
-        return _Layer(np.concatenate([np.moveaxis(plane, 2, 0) for plane in planes]), (0, 0, 0, 0, 0, 255))
+        return Layer(np.concatenate([np.moveaxis(plane, 2, 0) for plane in planes]), (0, 0, 0, 0, 0, 255))
 
-    def _hairs(self, style: SkinLayers) -> list[tuple[str, "_Layer", Colour, float]]:
+    def _hairs(self, style: SkinLayers) -> list[tuple[str, Layer, Colour, float]]:
         found = []
         brows = style.brow_colour or style.hair_colour
         for name, colour, density in (
@@ -261,12 +225,15 @@ class TextureModel:
                 found.append((name, self._hair_layer(name), colour, density))
         return found
 
-    def _hair_layer(self, name: str) -> "_Layer":
+    def _hair_layer(self, name: str) -> Layer:
         kept = self.__dict__.setdefault("_hair_layers", {})
         if name not in kept:
             plane = self._decoded(name)
-            kept[name] = _Layer(np.stack([plane[:SIZE], plane[SIZE:]]), (255, 0))
-        layer: _Layer = kept[name]
+            transmission, shade = plane[:SIZE], plane[SIZE:]
+            # Faint echoes of hairs that compression leaves in bare skin are taken out.
+            bare = transmission > _BARE
+            kept[name] = Layer(np.stack([np.where(bare, 255, transmission), np.where(bare, 0, shade)]), (255, 0))
+        layer: Layer = kept[name]
         return layer
 
     def _decoded(self, name: str) -> NDArray[np.uint8]:
@@ -282,7 +249,7 @@ class TextureModel:
         basis = np.stack([luma + red, luma - red - blue, luma + blue], axis=1)
         # Textures show the darkened folds, too.
         folds = np.log(np.maximum(_resized(self._masks.planes[5] / np.float32(255.0), _COARSE), 0.02))
-        basis[0] += folds * (_FOLDS * _FOLDS_SHARE)[:, None, None]
+        basis[0] += folds * (FOLDS * FOLDS_SHARE)[:, None, None]
         covered = np.zeros((SIZE, SIZE), dtype=np.float32)
         for name in (*(name for name in self.layers if name.startswith(("hair.", "brows."))), "beard"):
             covered = np.maximum(covered, 1.0 - self._hair_layer(name).planes[0] / np.float32(255.0))
@@ -293,62 +260,6 @@ class TextureModel:
         low, high, left, right = _FACE
         inside = (rows > low) & (rows < high) & (columns > left) & (columns < right)
         return np.where((bare > 0.95) & inside, bare, 0.0).astype(np.float32), basis
-
-
-@dataclass(frozen=True, eq=False)
-class _Layer:
-    """Planes of 8 bits, shape (P, SIZE, SIZE), and the value that has no effect in each."""
-
-    planes: NDArray[np.uint8]
-    neutral: tuple[int, ...]
-
-    def at(self, place: tuple[slice, slice]) -> list[Image32 | None]:
-        """Return each plane in a tile as 0..1, or None where it has no effect."""
-        found: list[Image32 | None] = []
-        for plane, neutral in zip(self.planes, self.neutral, strict=True):
-            tile = plane[place]
-            found.append(None if np.abs(tile.astype(np.int16) - neutral).max() < 3 else tile * np.float32(1.0 / 255.0))
-        return found
-
-
-def _painted(
-    k: int,
-    log: Image32,
-    lips: np.float32,
-    masks: list[Image32 | None],
-    over: list[tuple[str, list[Image32 | None], Colour, float]],
-    lash_line: float,
-    creases: Image32,
-) -> Image32:
-    """Return channel ``k`` of a tile, 0..255, from the logarithm of the bare skin and the layers."""
-    lip, wet, lash, lining, behind, openness = masks
-    if lip is not None:
-        log = log + lip * (lips + creases)
-    if wet is not None:
-        log = log + wet * _WET[k]
-    channel: Image32 = np.exp(log)
-    if lash is not None:
-        channel *= 1.0 - np.float32(lash_line) * lash
-    for name, (transmission, shade), colour, density in over:
-        if transmission is None:
-            continue
-        shown = transmission if density == 1.0 else transmission ** np.float32(density)
-        hair = 0.0 if shade is None else shade * np.float32(colour[k])
-        if density != 1.0:
-            hair = hair * (1.0 - shown) / np.maximum(1.0 - transmission, np.float32(1e-3))
-        if name == "beard":
-            # Stubble below the surface of the skin darkens it, least in blue.
-            shown = shown + _BELOW[k] * np.maximum(1.0 - shown - hair, 0.0)
-        channel = channel * shown + hair
-    if lining is not None:
-        inside = np.float32(_LINING[k]) + (0.0 if behind is None else behind) * np.float32(_BEHIND_LIPS[k] - _LINING[k])
-        channel += lining * (inside - channel)
-    if openness is not None:
-        if lip is not None:
-            # Lips part when the mouth moves, so that the line between them is not painted.
-            openness = openness + np.float32(0.8) * lip * (1.0 - openness)
-        channel *= np.maximum(openness, np.float32(0.02)) ** np.float32(_FOLDS[k] * _FOLDS_SHARE)
-    return np.clip(channel * np.float32(255.0) + np.float32(0.5), 0.0, 255.0)
 
 
 @lru_cache(maxsize=1)
@@ -371,19 +282,32 @@ def load_texture_model(path: Path | None = None) -> TextureModel:
         vectors = [
             {name: np.array(v, dtype=np.float64) for name, v in meta[key].items()} for key in ("labels", "skins")
         ]
+        for name, data in layers.items():
+            _check_picture(data, 1 if name in ("masks", "inside", "grain") else 2)
         if any(vector.shape != (len(lips) - 1,) for group in vectors for vector in group.values()):
             raise ValueError("coefficients")
-        if not np.isfinite(ranges).all() or not {"masks", "inside", "beard"} <= layers.keys():
+        if not np.isfinite(ranges).all() or not {"masks", "inside", "grain", "beard"} <= layers.keys():
             raise ValueError("layers")
         luma = np.stack([plane[0] for plane in planes])
         chroma = np.stack([np.stack(plane[1:]) for plane in planes])
-        return TextureModel(luma, chroma, lips, *vectors, layers, str(meta["credits"]))
+        labels, skins = vectors
+        return TextureModel(luma, chroma, lips, labels, skins, layers, str(meta["credits"]))
     except _INVALID as error:
         raise unusable(path, NOUN, "its arrays do not belong together") from error
 
 
+def _check_picture(data: bytes, ratio: int) -> None:
+    """Raise ValueError if an image is not a JPEG file of ``ratio`` squares one above the other that divide `SIZE`."""
+    with Image.open(io.BytesIO(data), formats=["JPEG"]) as picture:
+        width, height = picture.size
+        if width > SIZE or SIZE % width or height != ratio * width:
+            raise ValueError("size")
+
+
 def _stored(data: NDArray[Any], limits: Array) -> Image32:
-    pixels = np.asarray(Image.open(io.BytesIO(data.astype(np.uint8).tobytes())), dtype=np.float32)
+    content = data.astype(np.uint8).tobytes()
+    _check_picture(content, 1)
+    pixels = np.asarray(Image.open(io.BytesIO(content), formats=["JPEG"]), dtype=np.float32)
     low, high = (np.float32(limit) for limit in limits)
     return low + (high - low) / np.float32(255.0) * pixels
 

@@ -19,7 +19,7 @@ _AGES = {"young": 0.0, "middleage": 0.5, "old": 1.0}
 #: Width of the skin that is filled around painted eyes, and around lips, in centimetres.
 _EYE_REACH, _LIP_REACH = 0.5, 0.18
 #: Share of the shading of the mean skin, brighter or darker than the surface as a whole, that is taken out.
-_FLATTENED = 0.55
+_FLATTENED = 0.7
 #: Detail that is no shading, in pixels of the texture, as a Gaussian's deviation at 1024 pixels.
 _SHADING_SIZE = 28.0
 #: Share of the variance without the tone below which a component is left out.
@@ -127,9 +127,9 @@ def filled(image: Image32, known: Image32) -> Image32:
 def statistics(skins: Skins, texels: SkinTexels) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return metadata and arrays of the mean skin and its modes.
 
-    The first mode is the tone: what the colours of each texel share with the mean brightness of the face. The others are
-    the principal components of the rest. All have unit deviation over the skins. In logarithms, the tone is linear in
-    the density of melanin (Beer and Lambert), and colours are positive for all coefficients.
+    The first mode is the tone: what the colours of each texel share with the mean brightness of the face. The others
+    are the principal components of the rest. All have unit deviation over the skins. In logarithms, the tone is linear
+    in the density of melanin (Beer and Lambert), and colours are positive for all coefficients.
     """
     weight = texels.texels.image(_face(texels)[:, None])[..., 0]
     weight *= texels.texels.covered / weight.sum()

@@ -1,6 +1,6 @@
 """MakeHuman's targets on the control mesh of our skin, with the motion and size of the body taken out."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import product
 
 import numpy as np
@@ -139,8 +139,8 @@ def rigid_generators(points: Floats) -> Floats:
     return np.stack([offsets.ravel() for offsets in moves + turns], axis=1)
 
 
-def _levelling(builder: Builder):  # noqa: ANN202
-    """Return the function that takes vertical motion out of the neck's border, fading out harmonically below the jaw."""
+def _levelling(builder: Builder) -> Callable[[Floats], Floats]:
+    """Return the function that takes vertical motion out of the neck's border, fading out below the jaw."""
     skin = builder.skin
     n = len(skin.base_ids)
     a, b = np.stack([skin.quads, np.roll(skin.quads, -1, axis=1)], axis=-1).reshape(-1, 2).T
