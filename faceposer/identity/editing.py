@@ -17,8 +17,9 @@ from faceposer.identity.head import HeadMaker
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
+from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.template import HeadTemplate, head_template
-from faceposer.identity.texture_model import SkinLayers, load_texture_model
+from faceposer.identity.texture_model import load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 

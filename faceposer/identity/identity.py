@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
-from faceposer.identity.texture_model import SkinLayers
+from faceposer.identity.skin_layers import SkinLayers
 
 Array = NDArray[np.float64]
 

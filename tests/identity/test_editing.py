@@ -9,7 +9,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import convert
 from faceposer.identity.editing import HeadEditor, edited_character, is_editable
 from faceposer.identity.identity import Identity, IdentityJson, SkinTexture
-from faceposer.identity.texture_model import SkinLayers
+from faceposer.identity.skin_layers import SkinLayers
 from faceposer.model.face_model import FaceModel
 
 
@@ -74,7 +74,9 @@ def test_average_caricature_and_mixtures_lie_on_a_line(editor: HeadEditor) -> No
 
 
 def test_identities_survive_their_file(editor: HeadEditor) -> None:
-    identity = dataclasses.replace(editor.own, texture=SkinTexture((0.5, -1.25), SkinLayers(hair="none", beard=0.3, brow_colour=(0.1, 0.2, 0.3))))
+    identity = dataclasses.replace(
+        editor.own, texture=SkinTexture((0.5, -1.25), SkinLayers(hair="none", beard=0.3, brow_colour=(0.1, 0.2, 0.3)))
+    )
     again = convert(identity.to_json(), IdentityJson).identity()
     assert again.same(identity)
     assert not again.same(editor.own)

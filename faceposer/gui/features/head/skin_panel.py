@@ -9,7 +9,8 @@ from imgui_bundle import ImVec4, imgui
 from faceposer.gui.widgets.basic import caption, fitted_button, heading
 from faceposer.gui.widgets.sliders import row_label, slider
 from faceposer.identity.identity import Identity, SkinTexture
-from faceposer.identity.texture_model import BROW_STYLES, HAIR_STYLES, LIMIT, load_texture_model
+from faceposer.identity.skin_layers import BROW_STYLES, HAIR_STYLES
+from faceposer.identity.texture_model import LIMIT, load_texture_model
 
 if TYPE_CHECKING:
     from faceposer.gui.features.head.feature import HeadFeature
