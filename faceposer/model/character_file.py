@@ -6,20 +6,17 @@ plain arrays. Nothing is pickled.
 
 import dataclasses
 import json
-import lzma
 import os
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from tokenize import TokenError
-from typing import IO, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, MissingCharacterError
 from faceposer.files import paths
+from faceposer.files.arrays import DamagedError, TooLargeError, read_arrays
 from faceposer.files.atomic import atomic_file
 from faceposer.files.json_documents import parse_json
 from faceposer.files.reading import open_file
@@ -130,10 +127,6 @@ def save_character(path: str | os.PathLike[str], character: Character) -> None:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
-class _DamagedError(Exception):
-    """Raised for an array that cannot be read; the message is the reason."""
-
-
 def _reason(error: Exception) -> str:
     """Return the reason for an error of ``_build`` without wording of Python or NumPy."""
     if isinstance(error, KeyError):
@@ -169,47 +162,15 @@ def read_title(path: Path) -> str:
 def _read_members(path: Path, named: set[str] | None) -> dict[str, NDArray[Any]]:
     """Read all arrays of the archive ``path``, or those ``named``; sizes are checked before memory is allocated."""
     try:
-        with open_file(path) as file, zipfile.ZipFile(file) as archive:
-            entries = archive.infolist()
-            if len(entries) > _MAX_MEMBERS or sum(entry.file_size for entry in entries) > _MAX_BYTES:
-                _refuse(path, "it is too large for a character")
-            members = {}
-            for entry in entries:
-                name = entry.filename.removesuffix(".npy")
-                if named is None or name in named:
-                    with archive.open(entry) as stream:
-                        members[name] = _read_array(stream, entry.file_size)
-            return members
-    except _DamagedError as error:
-        _refuse(path, str(error))
+        return read_arrays(path, _MAX_BYTES, _MAX_MEMBERS, named)
+    except TooLargeError:
+        _refuse(path, "it is too large for a character")
+    except DamagedError as error:
+        _refuse(path, str(error) or "it is damaged or is not a character file; copy it again")
     except FileNotFoundError:
         raise MissingCharacterError(f"There is no character file '{path}'; check the path.", str(path)) from None
     except OSError as error:
         _refuse(path, f"it cannot be read ({error.strerror or error})")
-    except (zipfile.BadZipFile, EOFError, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError, ValueError):
-        _refuse(path, "it is damaged or is not a character file; copy it again")
-
-
-def _read_array(stream: IO[bytes], size: int) -> NDArray[Any]:
-    try:
-        version = np.lib.format.read_magic(stream)
-        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        if version not in read_header:
-            raise _DamagedError(f"an array has the unknown format version {version}")
-        shape, fortran_order, dtype = read_header[version](stream)
-    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
-        raise _DamagedError("an array has no readable header") from error
-    if any(not isinstance(length, int) or isinstance(length, bool) or length < 0 for length in shape):
-        raise _DamagedError(f"an array has the shape {shape}")
-    if dtype.hasobject:
-        raise _DamagedError("it contains pickled objects, which are never loaded")
-    count = int(np.prod(shape, dtype=object)) if shape else 1
-    if count * dtype.itemsize > size:
-        raise _DamagedError("the declared size of an array exceeds its data")
-    data = stream.read(count * dtype.itemsize)
-    if len(data) != count * dtype.itemsize:
-        raise _DamagedError("an array is truncated")
-    return np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if fortran_order else "C")
 
 
 def _parse_meta(path: Path, members: Mapping[str, NDArray[Any]]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from scripts.asset_building.piece import Ints
 from scripts.asset_building.source import BaseMesh
-from scripts.asset_building.subdivision import Subdivision, catmull_clark, linear_split
+from faceposer.geometry.subdivision import Subdivision, catmull_clark, linear_split
 
 #: A vertex in the middle of the neck's front; the edge loop through it is the mesh's border.
 _NECK_FRONT = 811

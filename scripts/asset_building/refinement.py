@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scripts.asset_building.piece import Ints, Piece
-from scripts.asset_building.subdivision import Subdivision
+from faceposer.geometry.subdivision import Subdivision
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from scripts.asset_building.lids import keep_clear
 from scripts.asset_building.piece import grid_quads
 from scripts.asset_building.raster import TexelMap, draw_strokes, map_texels, smoothstep, softened, softening
 from scripts.asset_building.refinement import refined_in_places
-from scripts.asset_building.subdivision import catmull_clark, linear_split
+from faceposer.geometry.subdivision import catmull_clark, linear_split
 from scripts.asset_building.swell import Swell, swollen
 from scripts.asset_building.symmetry import even, even_units
 from scripts.asset_building.transfer import fitted_units

@@ -1,0 +1,1 @@
+"""Building of the morphable model of heads: statistics, attributes, skins."""
