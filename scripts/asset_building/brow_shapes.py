@@ -10,7 +10,7 @@ the skin of the forehead, decreasing up to the hairline.
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
-from scripts.asset_building.falloff import ramp
+from faceposer.identity.anatomy.falloff import ramp
 from scripts.asset_building.piece import Floats
 
 #: Factor on the source's motion inwards, and factors along x on its motion downwards.

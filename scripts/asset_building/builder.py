@@ -5,19 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from faceposer.geometry.mesh import VertexNormals
+from faceposer.identity.anatomy.eyeballs import place_eye
+from faceposer.identity.anatomy.lids import close_exactly, gaze_lids, keep_clear, tuck_socket
+from faceposer.identity.anatomy.loops import LASH_RING, LID_RINGS, ordered_ring
 from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.dental_arch import MouthFrame
-from scripts.asset_building.eyes import GAZE, build_eye, place_eye
+from scripts.asset_building.eyes import build_eye
 from scripts.asset_building.halves import in_halves
-from scripts.asset_building.head import LASH_RING, LID_RINGS, Skin, cut_skin, ordered_ring, split_uv
+from scripts.asset_building.head import Skin, cut_skin, split_uv
 from scripts.asset_building.identity import NECK_TOP, Recipe, close_lips, identity_vertices, level_neck
-from scripts.asset_building.jaw import jaw_hinge
 from scripts.asset_building.jaw_skin import JawSkin, jaw_skin
 from scripts.asset_building.landmarks import feature_points, regions
 from scripts.asset_building.lashes import build_lashes
-from scripts.asset_building.lids import close_exactly, following_gaze, keep_clear, socket_ids, tuck_socket
+from scripts.asset_building.lids import socket_ids
 from scripts.asset_building.looks import LOOKS
-from scripts.asset_building.mouth import JawMotion, build_mouth, mouth_frame, tuck_lining
+from scripts.asset_building.mouth import JawMotion, build_mouth, jaw_hinge, mouth_frame, tuck_lining
 from scripts.asset_building.mouth_shapes import LIP_REACH, MOUTH_REACH, around_lips, closed_again
 from scripts.asset_building.piece import Floats, Ints, Joined, Piece, join
 from scripts.asset_building.sculpting import sculpted
@@ -33,9 +35,6 @@ CREDITS = (
 )
 SIDES = ("Left", "Right")
 _EYE_RADIUS = 1.43
-#: Shares of the eye's rotation of the upper and the lower lid, and fullness towards the corners. In the source, the
-#: upper lid covers the pupil of an eye that looks up, and the lower one that of an eye that looks down.
-_LIDS_FOLLOW = {"LookUp": (0.5, 0.25, 2.0), "LookDown": (0.65, 0.6, 3.0)}
 _UPPER_TEETH, _LOWER_TEETH = "helper-upper-teeth", "helper-lower-teeth"
 _EYES = {"Left": "helper-l-eye", "Right": "helper-r-eye"}
 
@@ -162,9 +161,8 @@ class Builder:
             ring, _ = self._lash_ring(eye.side)
             blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")
             shapes[blink] = close_exactly(vertices, shapes[blink], ring, eye.side)
-            for action, (upper, lower, fullness) in _LIDS_FOLLOW.items():
-                follows = following_gaze(vertices, ring, eye.centre, GAZE[action][0], (upper, lower), fullness)
-                shapes[ARKIT_SHAPES.index(f"eye{action}{eye.side}")] = follows
+            for action, offsets in gaze_lids(vertices, ring, eye.centre).items():
+                shapes[ARKIT_SHAPES.index(f"eye{action}{eye.side}")] = offsets
             ids = socket_ids(skin, eye.side)
             vertices = tuck_socket(vertices, ids, eye.centre, eye.radius)
             shapes = keep_clear(vertices, shapes, ids, eye.centre, eye.radius)

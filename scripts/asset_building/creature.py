@@ -6,16 +6,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.identity.anatomy.lids import keep_clear
+from faceposer.identity.anatomy.loops import LASH_RING
 from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, centred
 from scripts.asset_building.creature_expressions import EXPRESSIONS
 from scripts.asset_building.creature_units import goblin_units
 from scripts.asset_building.ears import EarShape, ear_freedom, point_ears, turn_ears
 from scripts.asset_building.eyes import turned_eye
-from scripts.asset_building.head import LASH_RING, Skin
+from scripts.asset_building.head import Skin
 from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, regions
-from scripts.asset_building.lids import keep_clear, socket_ids
+from scripts.asset_building.lids import socket_ids
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.piece import Floats, Ints, Piece, join
 from scripts.asset_building.refinement import Reduced, refined_in_places

@@ -7,8 +7,8 @@ and sorrow. Positions are those of the base mesh, in centimetres.
 
 import numpy as np
 
+from faceposer.identity.anatomy.falloff import ramp
 from faceposer.model.character import ARKIT_SHAPES
-from scripts.asset_building.falloff import ramp
 from scripts.asset_building.piece import Floats
 
 _SIDES = ("Left", "Right")

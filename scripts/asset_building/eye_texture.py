@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scripts.asset_building.eyes import IRIS_ANGLE, PUPIL_ANGLE, TEXTURE_ANGLE, TEXTURE_RADIUS
+from faceposer.identity.anatomy.eyeballs import IRIS_ANGLE
+from scripts.asset_building.eyes import PUPIL_ANGLE, TEXTURE_ANGLE, TEXTURE_RADIUS
 from scripts.asset_building.raster import Image32, Noise, smoothstep
 
 Colour = tuple[float, float, float]

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.identity.anatomy.eyeballs import GAZE, IRIS_ANGLE, ball_of, surface_radius
 from scripts.asset_building.piece import Floats, Piece, facing_away, grid_quads
 
-#: Angles of pupil and iris from the gaze axis in degrees.
-PUPIL_ANGLE, IRIS_ANGLE = 7.5, 24.0
+#: Angle of the border of the pupil from the gaze axis in degrees.
+PUPIL_ANGLE = 7.5
 
 
 @dataclass(frozen=True)
@@ -22,14 +23,9 @@ class EyeDetail:
 #: Pupil and iris end on a ring.
 FULL_DETAIL = EyeDetail((PUPIL_ANGLE, 13.0, 18.5, IRIS_ANGLE, 30.0, 38.0, 48.0, 60.0, 75.0, 95.0, 125.0, 160.0), 28)
 LOW_DETAIL = EyeDetail((PUPIL_ANGLE, 15.0, IRIS_ANGLE, 36.0, 56.0, 90.0), 14)
-#: Height of the cornea over the sphere, in radii, about that of human eyes.
-CORNEA_HEIGHT = 0.07
 #: Angle from the gaze axis at the border of the texture, which has the axis in its middle.
 TEXTURE_ANGLE = 100.0
 TEXTURE_RADIUS = 0.49
-
-#: Rotation at full strength in degrees: about x (positive looks down) and about y (positive looks to the left).
-GAZE = {"LookDown": (25.0, 0.0), "LookUp": (-22.0, 0.0), "LookIn": (0.0, -27.0), "LookOut": (0.0, 27.0)}
 
 
 def build_eye(
@@ -66,12 +62,6 @@ def build_eye(
     return Piece(f"eye_{side.lower()}", "eye", local + centre, quads, 0.5 + flat * reach[:, None], quads.copy(), shapes)
 
 
-def surface_radius(angle: Floats) -> Floats:
-    """Return the distance of the surface from the centre, in radii, at ``angle`` in degrees from the gaze axis."""
-    risen: Floats = 1.0 + CORNEA_HEIGHT * np.maximum(1.0 - (angle / IRIS_ANGLE) ** 2, 0.0) ** 2
-    return risen
-
-
 def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floats:
     """Return the offsets, shape (N, 3), of the eyeball ``vertices`` of `build_eye`, rotated by gaze shapes together.
 
@@ -83,19 +73,8 @@ def turned_eye(vertices: Floats, side: str, strengths: dict[str, float]) -> Floa
     sign = 1.0 if side == "Left" else -1.0
     about_x = sum(strength * GAZE[action][0] for action, strength in strengths.items())
     about_y = sum(strength * GAZE[action][1] for action, strength in strengths.items())
-    back, front = vertices[-1], vertices[0]
-    centre = back + (front - back) / (2.0 + CORNEA_HEIGHT)
+    centre, _ = ball_of(vertices)
     return (vertices - centre) @ (_rotation(about_x, sign * about_y) - np.eye(3)).T
-
-
-def place_eye(rest_lids: Floats, lids: Floats, rest_centre: Floats) -> tuple[Floats, float]:
-    """Return centre and scale of an eyeball relative to ``lids`` (n, 3) as in the source relative to ``rest_lids``.
-
-    The source's eyeballs do not follow the lids of every identity; here they get the translation and scale of the lids.
-    """
-    rest_middle, middle = rest_lids.mean(axis=0), lids.mean(axis=0)
-    spread = np.sqrt(((lids - middle) ** 2).sum() / ((rest_lids - rest_middle) ** 2).sum())
-    return middle + spread * (rest_centre - rest_middle), float(spread)
 
 
 def _cap(pole: int, first: int, sectors: int) -> NDArray[np.int32]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scripts.asset_building.falloff import ramp
+from faceposer.identity.anatomy.falloff import ramp
 from scripts.asset_building.piece import Floats
 
 #: Half the width in centimetres over which a half fades out across the middle of the face. The brows' inner ends lie

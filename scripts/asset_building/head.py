@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.identity.anatomy.loops import LASH_RING, edge_loop, faces_at_edges, rings
 from scripts.asset_building.piece import Ints
 from scripts.asset_building.source import BaseMesh
 from faceposer.geometry.subdivision import Subdivision, catmull_clark, linear_split
@@ -18,9 +19,6 @@ _LIP_CONTACT = 474
 _SOCKET_LEFT = 8020
 #: v of the base mesh's layout below which is the chart of the mouth's inside; all other skin is above.
 _MOUTH_CHART_TOP = 0.145
-#: The ring of the lashes' roots, and the rings of the lid's edge.
-LASH_RING = 13
-LID_RINGS = (10, 11, 12, 13)
 
 
 @dataclass(frozen=True)
@@ -73,9 +71,9 @@ class Skin:
 
 def cut_skin(base: BaseMesh, base_mirror: Ints) -> Skin:
     """Take the body above the edge loop around the neck from ``base`` and subdivide it once."""
-    faces_at = _faces_at_edges(base, np.flatnonzero(base.groups == "body"))
-    border = _edge_loop(faces_at, base, _NECK_FRONT)
-    lips = _edge_loop(faces_at, base, _LIP_CONTACT)
+    faces_at = faces_at_edges(base.quads, np.flatnonzero(base.groups == "body").tolist())
+    border = edge_loop(faces_at, base.vertices, _NECK_FRONT)
+    lips = edge_loop(faces_at, base.vertices, _LIP_CONTACT)
     faces = _above(base, faces_at, border)
     ids, quads = compact(base.quads[faces])
     uv_ids, quad_uvs = compact(base.quad_uvs[faces])
@@ -89,7 +87,7 @@ def cut_skin(base: BaseMesh, base_mirror: Ints) -> Skin:
         fine=catmull_clark(quads, len(ids)),
         border=index[border],
         lip_contact=index[lips],
-        rings_left=tuple(_rings(quads, int(index[_SOCKET_LEFT]), LASH_RING + 6)),
+        rings_left=tuple(rings(quads, int(index[_SOCKET_LEFT]), LASH_RING + 6)),
         mirror=index[base_mirror[ids]],
         in_mouth=(base.uv[base.quad_uvs[faces]] @ [0.0, 1.0]).max(axis=1) < _MOUTH_CHART_TOP,
     )
@@ -107,42 +105,6 @@ def compact(faces: Ints) -> tuple[Ints, Ints]:
     return used.astype(np.int32), local.reshape(faces.shape).astype(np.int32)
 
 
-def ordered_ring(quads: Ints, ring: Ints) -> Ints:
-    """Return the vertices of a closed edge loop in order, starting with the first of ``ring``."""
-    members = set(ring.tolist())
-    onward = defaultdict(set)
-    for a, b in np.stack([quads, np.roll(quads, -1, 1)], -1).reshape(-1, 2).tolist():
-        if a in members and b in members:
-            onward[a].add(b)
-            onward[b].add(a)
-    order = [int(ring[0]), min(onward[int(ring[0])])]
-    while len(order) < len(members):
-        (after,) = onward[order[-1]] - {order[-2]}
-        order.append(after)
-    return np.array(order, dtype=np.int32)
-
-
-def _rings(quads: Ints, start: int, count: int) -> list[Ints]:
-    ring = np.array([start])
-    seen = ring
-    rings = [ring]
-    for _ in range(count):
-        touched = np.unique(quads[np.isin(quads, ring).any(axis=1)])
-        ring = np.setdiff1d(touched, seen)
-        seen = np.concatenate([seen, ring])
-        rings.append(ring.astype(np.int32))
-    return rings
-
-
-def _faces_at_edges(base: BaseMesh, faces: NDArray[np.intp]) -> dict[frozenset[int], list[int]]:
-    faces_at: dict[frozenset[int], list[int]] = defaultdict(list)
-    for face in faces.tolist():
-        corners = base.quads[face].tolist()
-        for edge in zip(corners, corners[1:] + corners[:1], strict=True):
-            faces_at[frozenset(edge)].append(face)
-    return faces_at
-
-
 def _above(base: BaseMesh, faces_at: dict[frozenset[int], list[int]], loop: list[int]) -> NDArray[np.intp]:
     """Return the quads that can be reached from the highest one without crossing ``loop``, shape (F,)."""
     faces = sorted({face for adjacent in faces_at.values() for face in adjacent})
@@ -157,27 +119,3 @@ def _above(base: BaseMesh, faces_at: dict[frozenset[int], list[int]], loop: list
                     reached.add(face)
                     front.append(face)
     return np.array(sorted(reached))
-
-
-def _edge_loop(faces_at: dict[frozenset[int], list[int]], base: BaseMesh, start: int) -> list[int]:
-    """Follow the edges sideways from ``start``, straight through vertices of four edges, back to ``start``."""
-    edges_at: dict[int, list[frozenset[int]]] = defaultdict(list)
-    for edge in faces_at:
-        for vertex in edge:
-            edges_at[vertex].append(edge)
-
-    def is_sideways(edge: frozenset[int]) -> bool:
-        a, b = edge
-        along = np.abs(base.vertices[a] - base.vertices[b])
-        return bool(along[0] > along[1])
-
-    edge = next(edge for edge in edges_at[start] if is_sideways(edge))
-    loop = [start]
-    vertex = start
-    while True:
-        (vertex,) = edge - {vertex}
-        if vertex == loop[0]:
-            return loop
-        loop.append(vertex)
-        adjacent = set(faces_at[edge])
-        (edge,) = (other for other in edges_at[vertex] if adjacent.isdisjoint(faces_at[other]))

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scripts.asset_building.falloff import ramp
+from faceposer.identity.anatomy.falloff import ramp
+from faceposer.identity.anatomy.jaw import OPENING, jaw_opening, jaw_rotation
 from scripts.asset_building.head import Skin
-from scripts.asset_building.jaw import OPENING, jaw_hinge, jaw_opening, jaw_rotation
+from scripts.asset_building.mouth import jaw_hinge
 from scripts.asset_building.mouth_rings import MouthRings, mouth_rings
 from scripts.asset_building.piece import Floats
 from scripts.asset_building.smoothest import smoothest

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from faceposer.identity.anatomy.loops import LASH_RING
 from faceposer.model.character import Part
-from scripts.asset_building.head import LASH_RING, Skin
+from scripts.asset_building.head import Skin
 from scripts.asset_building.looks import MAN_SKIN
 from scripts.asset_building.piece import Floats, Ints
 from scripts.asset_building.skin_texture import above_hairline, brow_frame

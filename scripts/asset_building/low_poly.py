@@ -7,22 +7,17 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from faceposer.identity.anatomy.lids import close_exactly, keep_clear, upper_and_lower
+from faceposer.identity.anatomy.loops import LASH_RING, ordered_ring
 from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, Eyeball, centred
 from scripts.asset_building.decimation import Decimation
 from scripts.asset_building.eyes import LOW_DETAIL, build_eye
 from scripts.asset_building.halves import in_halves
-from scripts.asset_building.head import LASH_RING, Skin, ordered_ring
+from scripts.asset_building.head import Skin
 from scripts.asset_building.identity import Recipe, identity_vertices
 from scripts.asset_building.landmarks import feature_points, mirrored_ids, regions
-from scripts.asset_building.lids import (
-    close_exactly,
-    keep_clear,
-    meet_exactly,
-    socket_ids,
-    tuck_inner_edge,
-    upper_and_lower,
-)
+from scripts.asset_building.lids import meet_exactly, socket_ids, tuck_inner_edge
 from scripts.asset_building.looks import LOOKS
 from scripts.asset_building.piece import Floats, Ints, Piece, join
 from scripts.asset_building.refinement import Reduced, reduced

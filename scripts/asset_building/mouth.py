@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from faceposer.identity.anatomy.jaw import condyle, jaw_opening
 from scripts.asset_building.dental_arch import LOWER, UPPER, MouthFrame, smooth
 from scripts.asset_building.gums import build_gum, build_throat
 from scripts.asset_building.head import Skin
-from scripts.asset_building.jaw import jaw_opening
 from scripts.asset_building.piece import Floats, Ints, Piece
 from scripts.asset_building.teeth import build_crowns
 from scripts.asset_building.tongue import build_tongue
@@ -24,7 +24,14 @@ _BELOW_LIPS, _BEHIND_LIPS = 0.25, 0.16
 _LINING_FROM, _LINING_FACTOR, _LINING_BACK = 0.9, 0.62, 0.40
 #: Share of its way out at which the tongue turns with the jaw, so that it follows the lip when out.
 _TONGUE_AHEAD = 0.35
+#: The base mesh's vertex on the skin over the left condyle: in front of the ear, at the height of its canal.
+_BEFORE_EAR = 12347
 _JAW_SHIFTS = ("jawForward", "jawLeft", "jawRight")
+
+
+def jaw_hinge(vertices: Floats) -> Floats:
+    """Return the point of `condyle`, (3,), of a head with the symmetric base mesh ``vertices``, (N, 3)."""
+    return condyle(vertices[_BEFORE_EAR])
 
 
 def mouth_frame(skin: Skin, vertices: Floats, band_width: float) -> MouthFrame:

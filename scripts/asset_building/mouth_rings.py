@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.identity.anatomy.lids import upper_and_lower
 from scripts.asset_building.head import Skin
-from scripts.asset_building.lids import upper_and_lower
 from scripts.asset_building.piece import Floats, Ints
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scripts.asset_building.falloff import ramp
+from faceposer.identity.anatomy.falloff import ramp
 from scripts.asset_building.head import Skin
 from scripts.asset_building.piece import Floats
 from scripts.asset_building.smoothest import smoothest

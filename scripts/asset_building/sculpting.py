@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from faceposer.identity.anatomy.falloff import ramp
 from faceposer.model.character import ARKIT_SHAPES
 from scripts.asset_building.brow_shapes import lowered_brow, raised_brow, wrinkled_nose
-from scripts.asset_building.falloff import ramp
 from scripts.asset_building.head import Skin
 from scripts.asset_building.lip_shapes import lip_shapes
 from scripts.asset_building.mouth_rings import mouth_rings

@@ -7,7 +7,7 @@ Orbicularis oculi lifts the cheek's upper part and the lower lid. Positions are 
 
 import numpy as np
 
-from scripts.asset_building.falloff import ramp
+from faceposer.identity.anatomy.falloff import ramp
 from scripts.asset_building.head import Skin
 from scripts.asset_building.mouth_rings import MouthRings
 from scripts.asset_building.piece import Floats, Ints

@@ -10,9 +10,10 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from faceposer.geometry.mesh import VertexNormals
+from faceposer.identity.anatomy.loops import LASH_RING
 from scripts.asset_building.creature_texture import HideLook, paint_hide
 from scripts.asset_building.eye_texture import IrisLook, paint_eye, paint_lashes
-from scripts.asset_building.head import LASH_RING, Skin, split_uv
+from scripts.asset_building.head import Skin, split_uv
 from scripts.asset_building.mouth_texture import paint_gums, paint_teeth, paint_throat, paint_tongue
 from scripts.asset_building.occlusion import ambient_occlusion
 from scripts.asset_building.piece import Floats, Ints

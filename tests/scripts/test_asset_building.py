@@ -5,14 +5,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.identity.anatomy.eyeballs import CORNEA_HEIGHT, IRIS_ANGLE, surface_radius
+from faceposer.identity.anatomy.lids import keep_clear
 from faceposer.model.character import ARKIT_SHAPES, Character
 from faceposer.model.character_file import load_character
 from scripts.asset_building.creature_expressions import EXPRESSIONS
 from scripts.asset_building.creature_units import goblin_units
 from scripts.asset_building.decimation import Decimation
 from scripts.asset_building.ears import turn_ears
-from scripts.asset_building.eyes import CORNEA_HEIGHT, IRIS_ANGLE, build_eye, surface_radius, turned_eye
-from scripts.asset_building.lids import keep_clear
+from scripts.asset_building.eyes import build_eye, turned_eye
 from scripts.asset_building.piece import grid_quads
 from scripts.asset_building.raster import TexelMap, draw_strokes, map_texels, smoothstep, softened, softening
 from scripts.asset_building.refinement import refined_in_places

@@ -11,12 +11,12 @@ from scipy.spatial import cKDTree
 from faceposer.geometry.camera import OrbitView
 from faceposer.geometry.obj_io import read_obj
 from faceposer.geometry.picking import pick
+from faceposer.identity.anatomy.eyeballs import CORNEA_HEIGHT
 from faceposer.model.character import Character
 from faceposer.model.character_file import load_character
 from scripts.asset_building.builder import Builder
 from scripts.asset_building.creature import build_creature
 from scripts.asset_building.creature_expressions import EXPRESSIONS
-from scripts.asset_building.eyes import CORNEA_HEIGHT
 from scripts.asset_building.source import WHEEL_NAME, Source
 from scripts.build_assets import ROOT, write_examples
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from faceposer.identity.anatomy.jaw import OPENING, jaw_opening, jaw_rotation
 from faceposer.model.character import ARKIT_SHAPES
 from scripts.asset_building.dental_arch import CANINE, LOWER, MOLAR, N_KINDS, UPPER, Arch, MouthFrame
 from scripts.asset_building.gums import build_gum, build_throat
-from scripts.asset_building.jaw import OPENING, jaw_hinge, jaw_opening, jaw_rotation
-from scripts.asset_building.mouth import JawMotion, build_mouth
+from scripts.asset_building.mouth import JawMotion, build_mouth, jaw_hinge
 from scripts.asset_building.piece import Floats, Ints, Piece
 from scripts.asset_building.simple_mouth import build_simple_mouth
 from scripts.asset_building.starter_poses import STARTERS

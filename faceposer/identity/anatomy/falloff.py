@@ -1,8 +1,9 @@
-"""Smooth weights in space for re-sculpting face units."""
+"""Smooth weights in space."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scripts.asset_building.piece import Floats
+Floats = NDArray[np.float64]
 
 
 def ramp(start: float, stop: float, x: Floats) -> Floats:

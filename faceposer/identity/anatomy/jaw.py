@@ -7,28 +7,24 @@ rotation that opens as far as the face units do, 35 mm at the incisors of the ba
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scripts.asset_building.piece import Floats
+Floats = NDArray[np.float64]
 
 #: Rotation of the jaw in the shape jawOpen at full strength, in degrees.
 OPENING = 22.0
-#: The base mesh's vertex on the skin over the left condyle: in front of the ear, at the height of its canal.
-_BEFORE_EAR = 12347
 #: Distance of the condyles as a share of the width of the head there.
 _CONDYLES = 0.70
 
 
-def jaw_hinge(vertices: Floats) -> Floats:
-    """Return the middle of the left condyle; the hinge is the line through it along x.
+def condyle(before_ear: Floats) -> Floats:
+    """Return the middle of the left condyle, (3,), from the skin over it; the hinge is the line through it along x.
 
     Args:
-        vertices: The whole base mesh in the identity of the head, symmetric, in centimetres, shape (N, 3).
-
-    Returns:
-        x, y and z in centimetres, shape (3,).
+        before_ear: Position in front of the left ear, at the height of its canal, in centimetres, shape (3,).
     """
-    condyle: Floats = vertices[_BEFORE_EAR] * [_CONDYLES, 1.0, 1.0]
-    return condyle
+    middle: Floats = before_ear * [_CONDYLES, 1.0, 1.0]
+    return middle
 
 
 def jaw_rotation(points: Floats, opening_angle: float | Floats, hinge: Floats) -> Floats:
@@ -37,7 +33,7 @@ def jaw_rotation(points: Floats, opening_angle: float | Floats, hinge: Floats) -
     Args:
         points: Positions in centimetres, shape (n, 3).
         opening_angle: Angle in degrees, for all points or for each, shape (n,); positive opens.
-        hinge: Point of `jaw_hinge`, shape (3,).
+        hinge: Point of `condyle`, shape (3,).
     """
     angle = np.deg2rad(opening_angle)
     cosine, sine = np.cos(angle), np.sin(angle)
