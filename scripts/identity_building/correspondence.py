@@ -16,7 +16,8 @@ from faceposer.landmarks.on_meshes import find_mesh_landmarks
 from faceposer.landmarks.reference import reference
 from faceposer.model.character import Character
 from faceposer.progress import Progress
-from scripts.asset_building.head import LASH_RING, Skin
+from faceposer.identity.anatomy.loops import LASH_RING
+from scripts.asset_building.head import Skin
 from scripts.identity_building.curves import contact_points, lid_points
 from scripts.identity_building.marked_points import EAR, NOSE
 from scripts.identity_building.scans import N_SKIN, Floats, ScannedPeople

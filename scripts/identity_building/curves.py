@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scripts.asset_building.head import LASH_RING, Skin, ordered_ring
+from faceposer.identity.anatomy.loops import LASH_RING, ordered_ring
+from scripts.asset_building.head import Skin
 from scripts.identity_building.scans import Floats, Ints, ScannedPeople, openings, rings
 
 #: Rings of quads from the border of the eye's socket to the lashes, and from that of the mouth to the lips' contact.

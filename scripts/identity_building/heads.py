@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.identity.template import HeadTemplate
-from scripts.asset_building.head import LASH_RING, Skin
+from faceposer.identity.anatomy.loops import LASH_RING
+from scripts.asset_building.head import Skin
 from scripts.asset_building.identity import NECK_TOP, close_lips
 from scripts.asset_building.source import BaseMesh
 from scripts.identity_building.correspondence import Correspondence

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
+from faceposer.identity.character import character_of
+from faceposer.identity.model import IdentityModel
 from faceposer.identity.scans.visibility import visible_shares
+from faceposer.identity.template import head_template
 from faceposer.landmarks.reference import reference
 from faceposer.model.character import Character
+from faceposer.model.character_file import load_character
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,7 +36,12 @@ EXPRESSIONS = {
     **dict.fromkeys(("cheekPuff", "noseSneerLeft", "noseSneerRight"), 0.04),
 }
 # Trust in a scan's surface by region of the head: hair covers the scalp, clothes the neck, lids move.
-_TRUST = {"scalp": 0.1, "neck": 0.25, "ear_left": 0.4, "ear_right": 0.4, "lids_left": 0.3, "lids_right": 0.3}
+_TRUST = {
+    **{"scalp": 0.1, "neck": 0.03, "ear_left": 0.4, "ear_right": 0.4},
+    **{"lids_left": 0.3, "lids_right": 0.3, "lip_upper": 0.5, "lip_lower": 0.5},
+}
+# Heights over the neck's end, in centimetres, between which the trust rises: where it ends differs from scan to scan.
+_NECK = (5.0, 7.5)
 # Share of the directions that see a vertex, below which a scan is not trusted, and from which it fully is.
 _HIDDEN, _OPEN = 0.35, 0.75
 # Farthest that a point of the man's face may lie from his skin, in centimetres.
@@ -51,6 +60,7 @@ class HeadBasis:
         expression_names: Their names.
         expression_means: Means of the prior of their weights, shape (E,).
         triangles: Vertex ids, shape (T, 3).
+        n_control: Number of vertices of the control mesh, which come first and are dense enough for modes.
         trust: How far a scan's surface is trusted at each vertex, 0 to 1, shape (N,).
         landmarks: The 468 landmarks on the surface; those off the skin have no say.
         on_skin: Mask of the landmarks that lie on the skin, shape (468,).
@@ -64,6 +74,7 @@ class HeadBasis:
     expression_names: tuple[str, ...]
     expression_means: Array
     triangles: NDArray[np.int32]
+    n_control: int
     trust: Array
     landmarks: SurfacePoints
     on_skin: Mask
@@ -93,35 +104,35 @@ class HeadBasis:
         return result
 
 
-def basis_of(character: Character, mean: Array, modes: Array, segments: Array, scale: float = 1.0) -> HeadBasis:
-    """Return the basis of a model on the skin of ``character``.
+def basis_of(model: IdentityModel) -> HeadBasis:
+    """Return the basis of ``model``, whose topology is that of the built-in man.
 
-    Args:
-        character: The character whose topology, shapes and regions the model has; his skin comes first.
-        mean: Mean head, shape (N, 3).
-        modes: Offsets per standard deviation, shape (K, N, 3).
-        segments: Weights of segments, shape (S, N).
-        scale: Factor from the character's size to that of the mean.
+    Raises:
+        FacePoserError: If his file is missing or damaged.
     """
-    n = len(mean)
-    first, end = character.part_triangles(character.parts[0])
-    triangles = character.triangles[first:end]
-    own = character.vertices[:n].astype(np.float64)
-    names = tuple(name for name in EXPRESSIONS if name in character.shape_names)
-    rows = [character.shape_names.index(name) for name in names]
-    points, apart = NearestSurface(own, triangles, np.arange(len(triangles))).points(reference().places)
+    template = model.template or head_template()
+    mean = template.skin(model.mean_vertices)
+    man, average = load_character("man"), character_of(mean, name="average", title="Average")
+    names = tuple(name for name in EXPRESSIONS if name in average.shape_names)
+    rows = [average.shape_names.index(name) for name in names]
+    points, apart = NearestSurface(template.rest, template.triangles, np.arange(len(template.triangles))).points(
+        reference().places
+    )
+    n = template.n_skin
+    segments = np.ones((1, n)) if model.segments is None else template.skin(model.segments.weights.T).T
     return HeadBasis(
         mean=mean,
-        modes=modes,
-        segments=segments,
-        expressions=scale * character.shapes[rows, :n].astype(np.float64),
+        modes=model.skin_basis,
+        segments=np.clip(segments, 0.0, None) / np.clip(segments, 0.0, None).sum(axis=0),
+        expressions=average.shapes[rows, :n].astype(np.float64),
         expression_names=names,
         expression_means=np.array([EXPRESSIONS[name] for name in names]),
-        triangles=triangles,
-        trust=_trust(character, n),
+        triangles=template.triangles,
+        n_control=template.n_control,
+        trust=_trust(man, n),
         landmarks=points,
         on_skin=apart < _ON_SKIN,
-        feature_points={name: vertex for name, vertex in character.feature_points.items() if vertex < n},
+        feature_points={name: vertex for name, vertex in man.feature_points.items() if vertex < n},
     )
 
 
@@ -138,6 +149,8 @@ def _trust(character: Character, n: int) -> Array:
     trust = np.ones(n)
     for name, value in _TRUST.items():
         trust[region_mask(character, [name], n)] = value
+    height = character.vertices[:n, 1] - character.vertices[:n, 1].min()
+    trust *= np.clip((height - _NECK[0]) / (_NECK[1] - _NECK[0]), 0.0, 1.0)
     solid = character.triangles[character.solid_triangles]
     shares = visible_shares(character.vertices.astype(np.float64), solid, n)
     return trust * np.clip((shares - _HIDDEN) / (_OPEN - _HIDDEN), 0.0, 1.0)

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # Share of tangential distances, κ: surfaces slide along each other.
-_ALONG = 0.05
+_ALONG = 0.005
 # Share of independent errors among those of the vertices.
 _INDEPENDENT = 0.15
 # Least cosine between the normals of model and scan.
@@ -59,7 +59,8 @@ class Stage:
         surface_sigma: Standard deviation of distances of the surface, or None for landmarks only.
         landmark_sigma: Standard deviation of landmarks.
         farthest: Distances of closest points that still count in the first and in the last round.
-        expressions: True if the weights of expressions are free.
+        expressions: True if the weights of expressions are free, False if they are held: distances far below the errors
+            of the model would be explained by expressions.
         segments: True if each segment has its own coefficients.
     """
 
@@ -76,8 +77,9 @@ STAGES = (
     Stage(3, 0.2, None, 0.35),
     Stage(6, 0.4, 0.2, 0.4, (2.0, 1.0)),
     Stage(6, 1.0, 0.08, 0.5, (1.0, 0.6)),
-    Stage(6, 1.0, 0.04, 0.6, (0.6, 0.4)),
-    Stage(6, 1.0, 0.015, 0.8, (0.4, 0.3), segments=True),
+    Stage(6, 1.0, 0.04, 0.8, (0.6, 0.4), expressions=False),
+    Stage(10, 1.0, 0.008, 0.8, (0.4, 0.3), expressions=False),
+    Stage(4, 1.0, 0.012, 0.8, (0.3, 0.3), expressions=False, segments=True),
 )
 
 
@@ -161,8 +163,7 @@ def fit_head(
     nothing = ScanFit(identity, np.zeros(len(basis.expressions)), np.zeros(len(basis.mean), dtype=bool))
     fit = HeadFit(np.zeros(n_modes), np.zeros((n_segments, n_modes)), (nothing,) * len(scans), basis)
     chosen = np.flatnonzero(basis.trust > 0.0)
-    # The first vertices are those of the coarse mesh, dense enough for modes, which are smooth.
-    chosen = chosen[: np.searchsorted(chosen, _n_coarse(basis))]
+    chosen = chosen[chosen < basis.n_control]
     total, done = sum(stage.rounds for stage in stages), 0
     for stage in stages:
         unknowns = _Unknowns.of(basis, stage, chosen)
@@ -173,12 +174,6 @@ def fit_head(
             fit = _round(fit, scans, stage, unknowns, chosen, farthest)
             done += 1
     return fit
-
-
-def _n_coarse(basis: HeadBasis) -> int:
-    quads = len(basis.triangles) // 2
-    corners = basis.triangles[::2][:quads, 0].reshape(-1, 4) if quads % 4 == 0 else basis.triangles
-    return int(corners.max()) + 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +263,8 @@ def _round(
     free = np.concatenate([first + np.arange(n_weights) for first in firsts])
     system.right[free] -= np.tile(1.0 / basis.expression_means, len(scans))
     system.matrix[free, free] += 1.0
-    theta = _bounded(system, free, stage.expressions)
+    held = None if stage.expressions else np.concatenate([state.weights for state in fit.scans])
+    theta = _bounded(system, free, held)
     shape, local = np.zeros(len(basis.modes)), np.zeros_like(fit.local)
     shape[: unknowns.n_modes] = theta[: unknowns.n_modes]
     if unknowns.segments:
@@ -323,7 +319,7 @@ def _landmark_rows(
     places = frame.apply(scan.places)
     apart = places - np.einsum("mcd,mc->md", head[scan.rows], scan.shares)
     sigma = np.where(scan.exact, _EXACT, np.hypot(stage.landmark_sigma, scan.spreads))
-    robust = 1.0 / (1.0 + (np.linalg.norm(apart, axis=1) / (3.0 * sigma)) ** 2)
+    robust = 1.0 / (1.0 + (np.linalg.norm(apart, axis=1) / (3.0 * sigma)) ** 2) ** 2
     root = np.sqrt(np.where(scan.exact, 1.0, _INDEPENDENT * robust)) / sigma
     modes, expressions = unknowns.at(basis, scan.rows, scan.shares)
     jacobian = np.concatenate([modes, expressions, -_pose_columns(places)])
@@ -349,15 +345,17 @@ def _moved(frame: Similarity, pose: Array) -> Similarity:
     )
 
 
-def _bounded(system: _System, free: NDArray[np.int64], expressions: bool) -> Array:
-    """Return the minimiser of ½ θᵀHθ - gᵀθ with the unknowns ``free`` from 0 to 1, or all 0 without expressions."""
+def _bounded(system: _System, free: NDArray[np.int64], held: Array | None) -> Array:
+    """Return the minimiser of ½ θᵀHθ - gᵀθ with the unknowns ``free`` from 0 to 1, or with the values ``held``."""
     size = len(system.right)
     others = np.setdiff1d(np.arange(size), free)
     ridge = 1e-9 * float(np.trace(system.matrix)) / size
     factor = cho_factor(system.matrix[np.ix_(others, others)] + ridge * np.eye(len(others)))
     theta = np.zeros(size)
-    if expressions and len(free):
-        cross = system.matrix[np.ix_(others, free)]
+    cross = system.matrix[np.ix_(others, free)]
+    if held is not None:
+        theta[free] = held
+    elif len(free):
         reduced = system.matrix[np.ix_(free, free)] - cross.T @ cho_solve(factor, cross)
         right = system.right[free] - cross.T @ cho_solve(factor, system.right[others])
         # The square root of the matrix makes it a problem of least squares.
@@ -366,8 +364,5 @@ def _bounded(system: _System, free: NDArray[np.int64], expressions: bool) -> Arr
         root = np.sqrt(values)[:, None] * vectors.T
         found = lsq_linear(root, (vectors.T @ right) / np.sqrt(values), bounds=(0.0, 1.0), method="bvls")
         theta[free] = np.clip(found.x, 0.0, 1.0)
-        system_right = system.right[others] - cross @ theta[free]
-    else:
-        system_right = system.right[others]
-    theta[others] = cho_solve(factor, system_right)
+    theta[others] = cho_solve(factor, system.right[others] - cross @ theta[free])
     return theta
