@@ -19,7 +19,7 @@ from faceposer.identity.scans.baking import Layer, baked_layer, blended, has_col
 from faceposer.identity.scans.basis import HeadBasis, basis_of
 from faceposer.identity.scans.detail import Detail, find_detail
 from faceposer.identity.scans.fitting import HeadFit, fit_head
-from faceposer.identity.scans.scan import PlacedScan, ScanLandmarks, composed, find_scan_landmarks, placed_scan
+from faceposer.identity.scans.scan import PlacedScan, ScanLandmarks, composed, find_scan_landmarks, placed_scan, upright_texture
 from faceposer.identity.scans.surface import ScanSurface
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.reading import read_painted
@@ -174,7 +174,7 @@ def head_from_scans(
 
 def _marked(scan: Scan, progress: Progress) -> Scan:
     if scan.landmarks is not None:
-        return scan
+        return replace(scan, mesh=upright_texture(scan.mesh, scan.landmarks))
     mesh, landmarks = find_scan_landmarks(scan.mesh, scan.name, progress)
     return replace(scan, mesh=mesh, landmarks=landmarks)
 

@@ -15,6 +15,7 @@ from faceposer.identity.scans.simplifying import simplified
 from faceposer.identity.scans.surface import ScanSurface
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import YAWS, MeshLandmarks, View, find_mesh_landmarks
+from faceposer.landmarks.reference import reference
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
@@ -54,24 +55,33 @@ def find_scan_landmarks(
 ) -> tuple[PaintedMesh, ScanLandmarks]:
     """Return the scan ``mesh``, called ``name``, with its texture the right way up, and its landmarks.
 
-    Some programs count the rows of textures from the top, others from the bottom, and OBJ files do not tell: the way in
-    which the face looks more like one is taken.
-
     Raises:
         FacePoserError: If no face is found.
         CancelledError: If the user has cancelled the work.
     """
     found = find_mesh_landmarks(mesh, progress=progress)
-    if found is not None and mesh.images:
-        turned = replace(mesh, uv=mesh.uv * (1.0, -1.0) + (0.0, 1.0))
-        logits = [_logit(each, found.frame) for each in (mesh, turned)]
-        if logits[1] > logits[0] + _CLEARLY:
-            mesh, found = turned, find_mesh_landmarks(turned, progress=progress)
+    if found is not None:
+        upright = upright_texture(mesh, found_landmarks(found))
+        if upright is not mesh:
+            mesh, found = upright, find_mesh_landmarks(upright, progress=progress)
     if found is None:
         raise FacePoserError(
             f"No face was found on '{name}'; give a scan of a head with its face, or its landmarks in a file."
         )
     return mesh, found_landmarks(found)
+
+
+def upright_texture(mesh: PaintedMesh, landmarks: ScanLandmarks) -> PaintedMesh:
+    """Return ``mesh`` with the rows of its textures counted from the other end if the face then looks more like one.
+
+    Some programs count them from the top and others from the bottom, and OBJ files do not tell.
+    """
+    known = np.isfinite(landmarks.points).all(axis=1)
+    if not mesh.images or not known.any():
+        return mesh
+    frame = align(landmarks.points[known], reference().places[known])
+    turned = replace(mesh, uv=mesh.uv * (1.0, -1.0) + (0.0, 1.0))
+    return turned if _logit(turned, frame) > _logit(mesh, frame) + _CLEARLY else mesh
 
 
 def _logit(mesh: PaintedMesh, frame: Similarity) -> float:
