@@ -12,7 +12,7 @@ from faceposer.identity.anatomy.eyes import Ball, EyeFit
 from faceposer.identity.anatomy.lashes import lash_strips
 from faceposer.identity.anatomy.local_maps import LocalMaps
 from faceposer.identity.anatomy.mouths import MouthFit, Place
-from faceposer.identity.anatomy.topology import Topology
+from faceposer.identity.template import head_template
 from faceposer.model.character import Character
 from faceposer.model.character_file import load_character
 
@@ -57,20 +57,20 @@ class HeadMaker:
         self.reference = reference
         skin = reference.part("skin")
         self.n_skin = skin.vertices[1]
-        self._topology = Topology.of(reference.polygons[slice(*skin.polygons)])
+        self._template = template = head_template()
         vertices = reference.vertices.astype(np.float64)
         rest = vertices[: self.n_skin]
         self._rest = rest
         outside = np.unique(np.concatenate([ids for ids in reference.regions.values() if ids.max() < self.n_skin]))
-        self._maps = LocalMaps(rest, outside.astype(np.int32), self._topology.n_control)
+        self._maps = LocalMaps(rest, outside.astype(np.int32), template.n_control)
         names = reference.shape_names
         self._eyes = {}
         for side in ("Left", "Right"):
             ball = Ball(*ball_of(vertices[self._ids(f"eye_{side.lower()}")]))
             blink = reference.shapes[names.index(f"eyeBlink{side}"), : self.n_skin].astype(np.float64)
-            self._eyes[side] = EyeFit(side, self._topology, rest, blink, ball)
+            self._eyes[side] = EyeFit(side, template, rest, blink, ball)
         self._open, self._close = names.index("jawOpen"), names.index("mouthClose")
-        self._mouth = MouthFit(self._topology, rest, reference.shapes[self._open, : self.n_skin].astype(np.float64))
+        self._mouth = MouthFit(template, rest, reference.shapes[self._open, : self.n_skin].astype(np.float64))
         forward = np.linalg.norm(reference.shapes[names.index("jawForward")], axis=1)
         lower = reference.part("teeth_lower").vertices[0]
         self._jaw_share = forward.astype(np.float64) / float(forward[lower])
@@ -93,7 +93,7 @@ class HeadMaker:
         balls = {side: eye.place(vertices) for side, eye in self._eyes.items()}
         for side, eye in self._eyes.items():
             vertices = eye.fit_lids(vertices, balls[side])
-        maps = (self._topology.split @ self._maps(vertices).reshape(-1, 9)).reshape(-1, 3, 3)
+        maps = (self._template.fine.split @ self._maps(vertices).reshape(-1, 9)).reshape(-1, 3, 3)
         mouth = self._mouth.place(vertices)
         everything = self.reference.vertices.astype(np.float64)
         everything[: self.n_skin] = vertices
@@ -126,7 +126,7 @@ class HeadMaker:
             result[self._open, ids] = self._mouth.carry_opening(of_reference, self._jaw_share[ids], head.mouth)
         for side, eye in self._eyes.items():
             size = head.balls[side].radius / eye.ball.radius
-            strips = lash_strips(side, skin, carried, eye.ring, eye.lid, head.balls[side].centre, _LASHES * size)
+            strips = lash_strips(side, skin, carried, eye.halves, eye.lid, head.balls[side].centre, _LASHES * size)
             ids = self._ids(f"lashes_{side.lower()}")
             head.vertices[ids] = np.concatenate([strip.reshape(-1, 3) for strip, _ in strips])
             result[:, ids] = np.concatenate([offsets.reshape(len(names), -1, 3) for _, offsets in strips], axis=1)

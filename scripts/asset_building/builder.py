@@ -7,7 +7,7 @@ import numpy as np
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.identity.anatomy.eyeballs import place_eye
 from faceposer.identity.anatomy.lids import close_exactly, gaze_lids, keep_clear, tuck_socket
-from faceposer.identity.anatomy.loops import LASH_RING, LID_RINGS, ordered_ring
+from faceposer.identity.anatomy.loops import LASH_RING, LID_RINGS, fine_loop, ordered_ring
 from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.dental_arch import MouthFrame
 from scripts.asset_building.eyes import build_eye
@@ -175,7 +175,7 @@ class Builder:
         lid = np.concatenate(self.skin.rings_left[LASH_RING - 2 : LASH_RING + 4])
         if side == "Right":
             ring, lid = self.skin.mirror[ring], self.skin.mirror[lid]
-        return self.skin.fine_loop(ring), lid
+        return fine_loop(self.skin.fine, ring), lid
 
 
 def centred(joined: Joined) -> Floats:

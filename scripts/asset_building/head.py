@@ -1,15 +1,14 @@
 """Cut the skin of head and neck out of the base mesh and find the loops around the eyes."""
 
-from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.geometry.subdivision import Subdivision, catmull_clark, linear_split
 from faceposer.identity.anatomy.loops import LASH_RING, edge_loop, faces_at_edges, rings
 from scripts.asset_building.piece import Ints
 from scripts.asset_building.source import BaseMesh
-from faceposer.geometry.subdivision import Subdivision, catmull_clark, linear_split
 
 #: A vertex in the middle of the neck's front; the edge loop through it is the mesh's border.
 _NECK_FRONT = 811
@@ -55,18 +54,6 @@ class Skin:
         if index == len(self.base_ids) or self.base_ids[index] != base_id:
             raise KeyError(base_id)
         return index
-
-    def fine_loop(self, loop: Ints) -> Ints:
-        """Return a closed loop of control vertices with the vertices that subdivision inserts."""
-        neighbours = defaultdict(set)
-        for a, b in np.stack([self.fine.quads, np.roll(self.fine.quads, -1, 1)], -1).reshape(-1, 2).tolist():
-            neighbours[a].add(b)
-            neighbours[b].add(a)
-        result = []
-        for a, b in zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True):
-            (between,) = neighbours[a] & neighbours[b] & set(range(len(self.base_ids), self.fine.n_edge_points))
-            result += [a, between]
-        return np.array(result, dtype=np.int32)
 
 
 def cut_skin(base: BaseMesh, base_mirror: Ints) -> Skin:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from faceposer.identity.anatomy.loops import LASH_RING
+from faceposer.identity.anatomy.loops import LASH_RING, among
 from faceposer.model.character import Part
 from scripts.asset_building.head import Skin
 from scripts.asset_building.looks import MAN_SKIN
@@ -189,7 +189,7 @@ _LIP_LINE = 66.0
 def _inside_ids(skin: Skin, place: Floats) -> Ints:
     """Return the vertices of the sockets' and the mouth's insides, which are hidden in the neutral face."""
     rings = [ring for k, ring in enumerate(skin.rings_left) if k < LASH_RING - 2]
-    inside = _spread(skin, np.concatenate(rings + [skin.mirror[ring] for ring in rings]))
+    inside = among(skin.fine, np.concatenate(rings + [skin.mirror[ring] for ring in rings]))
     quads = np.unique(skin.fine.quads[np.repeat(skin.in_mouth, 4)])
     behind_lips = quads[place[quads, 2] < 15.0]
     return np.union1d(inside, behind_lips).astype(np.int32)
@@ -210,16 +210,8 @@ def _ring_mask(skin: Skin, n_vertices: int, first: int, last: int) -> NDArray[np
     """Return the mask of fine vertices on or between the rings ``first`` to ``last`` around either eye."""
     rings = [skin.rings_left[k] for k in range(first, last + 1)]
     mask = np.zeros(n_vertices, dtype=bool)
-    mask[_spread(skin, np.concatenate(rings + [skin.mirror[ring] for ring in rings]))] = True
+    mask[among(skin.fine, np.concatenate(rings + [skin.mirror[ring] for ring in rings]))] = True
     return mask
-
-
-def _spread(skin: Skin, control: Ints) -> Ints:
-    """Return the fine vertices that subdivision derives from the control vertices ``control`` only."""
-    share = np.zeros(len(skin.base_ids))
-    share[control] = 1.0
-    control_mask = skin.fine.split @ share
-    return np.flatnonzero(control_mask > 1.0 - 1e-9).astype(np.int32)
 
 
 def _numeric(item: tuple[str, object]) -> tuple[int, ...]:

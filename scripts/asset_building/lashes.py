@@ -3,15 +3,17 @@
 import numpy as np
 
 from faceposer.identity.anatomy.lashes import lash_strips
+from faceposer.identity.anatomy.lids import upper_and_lower
 from scripts.asset_building.piece import Floats, Ints, Piece, grid_quads
 
 
 def build_lashes(
     side: str, skin: Floats, skin_shapes: Floats, ring: Ints, lid: Ints, centre: Floats, length: float
 ) -> Piece:
-    """Return the lashes of one eye; the arguments are those of `lash_strips`."""
+    """Return the lashes of one eye, which grow from the closed ``ring`` of vertices; for the rest see `lash_strips`."""
     vertices, quads, uv, shapes = [], [], [], []
-    strips = lash_strips(side, skin, skin_shapes, ring, lid, centre, length)
+    halves = upper_and_lower(skin, ring, side)
+    strips = lash_strips(side, skin, skin_shapes, halves, lid, centre, length)
     for (strip, offsets), is_upper in zip(strips, (True, False), strict=True):
         rows, roots = strip.shape[:2]
         t = np.linspace(0.0, 1.0, roots)

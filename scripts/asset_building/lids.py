@@ -5,7 +5,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from faceposer.identity.anatomy.lids import upper_and_lower
-from faceposer.identity.anatomy.loops import SOCKET_RINGS
+from faceposer.identity.anatomy.loops import SOCKET_RINGS, among
 from scripts.asset_building.head import Skin
 from scripts.asset_building.piece import Floats, Ints
 
@@ -19,9 +19,7 @@ _BEHIND = 0.1
 def socket_ids(skin: Skin, side: str) -> Ints:
     """Return the fine vertices that line the socket of ``side`` ("Left" or "Right") behind the lids."""
     rings = np.concatenate(skin.rings_left[: SOCKET_RINGS + 1])
-    share = np.zeros(len(skin.base_ids))
-    share[rings if side == "Left" else skin.mirror[rings]] = 1.0
-    return np.flatnonzero(skin.fine.split @ share > 1.0 - 1e-9).astype(np.int32)
+    return among(skin.fine, rings if side == "Left" else skin.mirror[rings])
 
 
 def meet_exactly(vertices: Floats, blink: Floats, ring: Ints, centre: Floats, faces: Ints) -> Floats:

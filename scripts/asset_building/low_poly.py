@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from faceposer.identity.anatomy.lids import close_exactly, keep_clear, upper_and_lower
-from faceposer.identity.anatomy.loops import LASH_RING, ordered_ring
+from faceposer.identity.anatomy.loops import LASH_RING, fine_loop, ordered_ring
 from faceposer.model.character import ARKIT_SHAPES, Character
 from scripts.asset_building.builder import CREDITS, SIDES, Builder, Eyeball, centred
 from scripts.asset_building.decimation import Decimation
@@ -89,7 +89,7 @@ def build_low(builder: Builder) -> Character:
     number = mesh.index(len(place))
     eyes = [builder.eyeball(side, pieces[0].vertices, LOW) for side in SIDES]
     low_skin = _closing(mesh.applied(pieces[0]), skin, number, eyes)
-    contact = number[skin.fine_loop(skin.lip_contact)]
+    contact = number[fine_loop(skin.fine, skin.lip_contact)]
     low_skin = replace(low_skin, vertices=_sealed(low_skin.vertices, contact[contact >= 0]))
     parts = [low_skin, *(_eye(eye) for eye in eyes)]
     parts += build_simple_mouth(builder.mouth_frame(everyone, pieces[0].vertices), builder.jaw(everyone, builder.units))
@@ -125,14 +125,14 @@ def _eye(eye: Eyeball) -> Piece:
 def _simplified_skin(skin: Skin, piece: Piece, place: Floats, named: dict[str, Ints], points: list[int]) -> Reduced:
     """Return a symmetric triangle mesh on a subset of the fine skin's vertices."""
     mirror = mirrored_ids(place)
-    lash = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
-    lips = skin.fine_loop(skin.lip_contact)
+    lash = fine_loop(skin.fine, ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
+    lips = fine_loop(skin.fine, skin.lip_contact)
     keep = [np.array([vertex for vertex in points if vertex < len(place)])]
     keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, lash, "Left")]
     keep += [_spaced(half[place[half, 0] > -1e-6], place, _ON_LIP) for half in upper_and_lower(place, lips, "Left")]
-    fold = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_FOLD_RING]))
+    fold = fine_loop(skin.fine, ordered_ring(skin.quads, skin.rings_left[_FOLD_RING]))
     keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, fold, "Left")]
-    inner = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
+    inner = fine_loop(skin.fine, ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
     keep += [_spaced(half, place, _ON_LID) for half in upper_and_lower(place, inner, "Left")]
     loops = [_closed(lash), _closed(fold), _closed(inner), _closed(lips)]
     weights = np.full(len(place), 0.35)
@@ -254,9 +254,9 @@ def _sealed(vertices: Floats, contact: Ints) -> Floats:
 def _closing(low: Piece, skin: Skin, number: Ints, eyes: list[Eyeball]) -> Piece:
     """Return the simplified skin with blinks adapted to its coarser lids."""
     shapes = low.shapes.copy()
-    ring = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
+    ring = fine_loop(skin.fine, ordered_ring(skin.quads, skin.rings_left[LASH_RING]))
     mirror = mirrored_ids(low.vertices)
-    inner = skin.fine_loop(ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
+    inner = fine_loop(skin.fine, ordered_ring(skin.quads, skin.rings_left[_INNER_RING]))
     kept, kept_inner = (number[loop][number[loop] >= 0] for loop in (ring, inner))
     for eye in eyes:
         blink = ARKIT_SHAPES.index(f"eyeBlink{eye.side}")

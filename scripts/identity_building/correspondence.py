@@ -10,13 +10,13 @@ from faceposer.geometry.mesh import TriangleMesh
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.polygon_mesh import triangle_fans
+from faceposer.identity.anatomy.loops import LASH_RING
 from faceposer.identity.registration import LandmarkPairs, Registration, RegistrationSettings, align, register
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import find_mesh_landmarks
 from faceposer.landmarks.reference import reference
 from faceposer.model.character import Character
 from faceposer.progress import Progress
-from faceposer.identity.anatomy.loops import LASH_RING
 from scripts.asset_building.head import Skin
 from scripts.identity_building.curves import contact_points, lid_points
 from scripts.identity_building.marked_points import EAR, NOSE

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.alignment import rigid_alignment
-from faceposer.identity.template import HeadTemplate
 from faceposer.identity.anatomy.loops import LASH_RING
+from faceposer.identity.template import HeadTemplate
 from scripts.asset_building.head import Skin
 from scripts.asset_building.identity import NECK_TOP, close_lips
 from scripts.asset_building.source import BaseMesh
@@ -119,9 +119,9 @@ class Cleaner:
         return result
 
     def _alignment_weights(self, above: NDArray[np.bool_]) -> Floats:
-        """Return the weights by which heads are aligned: outer skin above the neck."""
+        """Return the weights by which heads are aligned: outer skin above the neck, without the ears."""
         skin = self._skin
-        left = np.concatenate(skin.rings_left[:LASH_RING])
+        left = np.concatenate([ring for ring in skin.rings_left[:LASH_RING]])
         weights = above.astype(np.float64)
         weights[left] = weights[skin.mirror[left]] = 0.0
         weights[np.unique(skin.quads[skin.in_mouth])] = 0.0

@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from faceposer.identity.anatomy.lids import upper_and_lower
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -20,7 +18,7 @@ _UPRIGHT = 0.8
 
 
 def lash_strips(
-    side: str, skin: Floats, skin_shapes: Floats, ring: Ints, lid: Ints, centre: Floats, length: float
+    side: str, skin: Floats, skin_shapes: Floats, halves: tuple[Ints, Ints], lid: Ints, centre: Floats, length: float
 ) -> list[tuple[Floats, Floats]]:
     """Return the lashes of the upper and of the lower lid of one eye, each a grid of vertices from root to tip.
 
@@ -28,8 +26,9 @@ def lash_strips(
         side: "Left" or "Right".
         skin: The skin's vertices in centimetres, shape (N, 3).
         skin_shapes: Its offsets per shape, shape (S, N, 3).
-        ring: The closed loop of skin vertices that the lashes grow from, in order, shape (n,).
-        lid: Skin vertices around that loop that determine the rotation of the lid, shape (m,).
+        halves: The skin vertices that the lashes of either lid grow from, upper and lower, each from the inner to the
+            outer corner.
+        lid: Skin vertices around them that determine the rotation of the lid, shape (m,).
         centre: Centre of the eyeball, shape (3,).
         length: Factor on the lashes' length.
 
@@ -37,7 +36,7 @@ def lash_strips(
         For each lid, vertices, shape (rows, r, 3), and their offsets per shape, shape (S, rows, r, 3).
     """
     sign = 1.0 if side == "Left" else -1.0
-    upper, lower = upper_and_lower(skin, ring, side)
+    upper, lower = halves
     strips = []
     for edge, opposite, is_upper in ((upper, lower, True), (lower, upper, False)):
         root = edge[_BARE:-_BARE]

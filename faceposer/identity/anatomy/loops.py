@@ -1,10 +1,12 @@
-"""Loops and rings of edges in a mesh of quads, and those around the eyes of a head."""
+"""Loops and rings of edges in a mesh of quads, and in the subdivided skin of a head."""
 
 from collections import defaultdict
 from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from faceposer.geometry.subdivision import Subdivision
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -76,3 +78,21 @@ def edge_loop(faces_at: dict[frozenset[int], list[int]], vertices: Floats, start
         loop.append(vertex)
         adjacent = set(faces_at[edge])
         (edge,) = (other for other in edges_at[vertex] if adjacent.isdisjoint(faces_at[other]))
+
+
+def among(fine: Subdivision, control: Ints) -> Ints:
+    """Return the vertices of the mesh ``fine`` that subdivision derives from the old vertices ``control`` only."""
+    share = np.zeros(fine.split.shape[1])
+    share[control] = 1.0
+    return np.flatnonzero(fine.split @ share > 1.0 - 1e-9).astype(np.int32)
+
+
+def fine_loop(fine: Subdivision, loop: Ints) -> Ints:
+    """Return a closed ``loop`` of old vertices of the mesh ``fine`` with those that subdivision inserts."""
+    # Each quad starts at an old corner, and its second corner is the midpoint of the old edge that leaves there.
+    corners = fine.quads[:, 0].reshape(-1, 4)
+    after = np.roll(corners, -1, axis=1).ravel().tolist()
+    edges = zip(corners.ravel().tolist(), after, strict=True)
+    middle = {frozenset(edge): m for edge, m in zip(edges, fine.quads[:, 1].tolist(), strict=True)}
+    pairs = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
+    return np.array([vertex for a, b in pairs for vertex in (a, middle[frozenset((a, b))])], dtype=np.int32)

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from faceposer.identity.anatomy.falloff import ramp
 from faceposer.identity.anatomy.jaw import OPENING, condyle, jaw_opening, jaw_rotation
 from faceposer.identity.anatomy.lids import upper_and_lower
-from faceposer.identity.anatomy.topology import Topology
+from faceposer.identity.anatomy.loops import edge_loop, faces_at_edges, fine_loop
+from faceposer.identity.template import HeadTemplate
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -23,8 +24,6 @@ _LIP_REACH = 0.45
 _CLOSING = (1.0, 2.8)
 #: Radius around the mouth in which the size of the face determines that of the teeth, in centimetres.
 _AROUND = 5.0
-#: Half the width of the middle of the lips, in centimetres of the reference.
-_MIDDLE = 0.5
 #: Motion below which a vertex is taken not to turn with the jaw, and distance from the hinge for the same, in
 #: centimetres.
 _STILL, _AT_HINGE = 1e-3, 1.0
@@ -48,12 +47,13 @@ class Place:
 class MouthFit:
     """Mouth of a reference head, for fitting those of other heads of the same topology."""
 
-    def __init__(self, topology: Topology, skin: Floats, opening: Floats) -> None:
+    def __init__(self, template: HeadTemplate, skin: Floats, opening: Floats) -> None:
         """Measure the reference's ``skin``, (N, 3), and its shape jawOpen, ``opening``, (N, 3)."""
-        self._loop = topology.fine_loop(topology.loop_through(_LIP_CONTACT, skin))
+        faces_at = faces_at_edges(template.control_quads, range(len(template.control_quads)))
+        contact_ids = np.array(edge_loop(faces_at, skin, _LIP_CONTACT), dtype=np.int32)
+        self._loop = fine_loop(template.fine, contact_ids)
         self._upper, self._lower = upper_and_lower(skin, self._loop, "Left")
         contact = skin[self._loop]
-        self._middle = self._loop[np.abs(contact[:, 0]) < _MIDDLE]
         self._near = np.flatnonzero(np.linalg.norm(skin - contact.mean(axis=0) * [0, 1, 1], axis=1) < _AROUND)
         self._width = float(np.ptp(contact[:, 0]))
         self._size = float(np.sqrt(skin[self._near].var(axis=0).sum()))
@@ -91,7 +91,7 @@ class MouthFit:
 
     def place(self, skin: Floats) -> Place:
         """Return the place of the inside of the mouth behind the lips of ``skin``, (N, 3)."""
-        line, inner = float(skin[self._middle, 1].mean()), float(skin[list(_INNER_LIPS), 2].min())
+        line, inner = float(skin[self._loop, 1].mean()), float(skin[list(_INNER_LIPS), 2].min())
         width = float(np.ptp(skin[self._loop, 0])) / self._width
         size = float(np.sqrt(skin[self._near].var(axis=0).sum())) / self._size
         middle = float(skin[self._loop, 0].mean())
