@@ -19,7 +19,7 @@ from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.template import HeadTemplate, head_template
-from faceposer.identity.texture_model import load_texture_model
+from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 
@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 # Standard deviation in centimetres of each coordinate, and number of vertices that count as independent, in the
 # projection of a character's own head, which is not from the statistics.
 _NOISE, _INDEPENDENT = 0.3, 200
+# Natural range of the labels of skins.
+_NATURAL_LABELS = (-1.0, 1.0)
 # Quality of the encoded textures.
 _QUALITY = 90
 #: Multiples of the deviation from the average at which a caricature becomes grotesque.
@@ -250,7 +252,11 @@ class HeadEditor:
         if data is None:
             return SkinTexture((0.0,) * model.n_coefficients)
         picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
-        return SkinTexture(tuple(model.project(picture).tolist()), self._usual_layers(self.own))
+        found = np.clip(model.project(picture), -LIMIT, LIMIT)
+        for name in ("age", "gender"):
+            # Painted skins are outside what the model has seen.
+            found = model.with_label(found, name, float(np.clip(model.label(found, name), *_NATURAL_LABELS)))
+        return SkinTexture(tuple(found.tolist()), self._usual_layers(self.own))
 
     def random_texture(self, seed: int, identity: Identity) -> SkinTexture:
         """Return a random skin that fits the age and gender of ``identity``, reproducible by ``seed``."""
@@ -258,7 +264,7 @@ class HeadEditor:
         drawn = model.sample(seed)[0]
         values = self.measure(identity)
         for name in ("age", "gender"):
-            drawn = model.with_label(drawn, name, float(np.clip(values[name], -1.0, 1.0)))
+            drawn = model.with_label(drawn, name, float(np.clip(values[name], *_NATURAL_LABELS)))
         return SkinTexture(tuple(drawn.tolist()), self._usual_layers(identity))
 
     def _usual_layers(self, identity: Identity) -> SkinLayers:
