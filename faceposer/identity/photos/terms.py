@@ -19,6 +19,13 @@ _PUPIL = 0.06
 _DOUBTFUL = 4.0
 
 
+def upright(found: Landmarks) -> Array:
+    """Return the rotation, (2, 2), from a picture in which the eyes are level to that of the landmarks ``found``."""
+    across = found.points[EYE_CORNERS[1][1], :2] - found.points[EYE_CORNERS[0][0], :2]
+    angle = math.atan2(across[1], across[0])
+    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+
 @dataclass(frozen=True, eq=False)
 class LandmarkTerm:
     """½ Σ_i c² ln(1 + e_i²/c²) with e_i the distance of a landmark from the face, less its errors, in deviations.
@@ -41,9 +48,7 @@ class LandmarkTerm:
     def of(cls, found: Landmarks, points: FacePoints, errors: LandmarkErrors, scale: float) -> "LandmarkTerm":
         """Return the term of the landmarks ``found`` in a photo with ``scale`` pixels per centimetre of the face."""
         n = len(points.mean)
-        across = found.points[EYE_CORNERS[1][1], :2] - found.points[EYE_CORNERS[0][0], :2]
-        angle = math.atan2(across[1], across[0])
-        turn = scale * np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        turn = scale * upright(found)
         mean, modes = np.zeros((n, 2)), np.zeros((len(errors.modes), n, 2))
         mean[:-2], modes[:, :-2] = errors.mean @ turn.T, errors.modes @ turn.T
         deviations = np.concatenate([errors.deviations, [_PUPIL, _PUPIL]]) * scale
