@@ -42,12 +42,19 @@ class PhotoFace:
         size: Width and height of the photo in pixels.
         focal: Expected focal length in pixels.
         focal_spread: Standard deviation of its logarithm.
+        principal: Pixel on the optical axis; the middle of the photo if None.
     """
 
     landmarks: Landmarks
     size: tuple[int, int]
     focal: float
     focal_spread: float
+    principal: tuple[float, float] | None = None
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The pixel on the optical axis."""
+        return self.principal or (self.size[0] / 2.0, self.size[1] / 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +155,8 @@ def first_camera(face: PhotoFace, mean: Array) -> FaceCamera:
     middle = mean[rigid].mean(axis=0)
     facing = np.diag([1.0, -1.0, -1.0])
     depth = face.focal * float(np.ptp(mean[rigid], axis=0).max()) / max(extent, 1.0)
-    start = Camera(facing, np.array([0.0, 0.0, depth]) - facing @ middle, face.focal, face.size)
+    shift = (face.centre[0] - face.size[0] / 2.0, face.centre[1] - face.size[1] / 2.0)
+    start = Camera(facing, np.array([0.0, 0.0, depth]) - facing @ middle, face.focal, face.size, shift)
     sigma = _UNKNOWN_FACE * 0.5 * extent
     fit = fit_camera(mean[rigid], pixels, start, None, 0.5 * face.focal_spread, max(sigma, 1.0), _USUAL_TURN)
     return FaceCamera.of(fit.camera, middle)
