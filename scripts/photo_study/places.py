@@ -45,8 +45,10 @@ def learn_places(n_heads: int) -> SurfacePoints:
             on_skin, _ = NearestSurface(vertices, base.triangles, skin).points(found.points)
             found_places.append(on_skin.positions(target, base.triangles))
         mean = np.median(found_places, axis=0)
-        print(f"{'open' if is_open else 'closed'}: {len(found_places)} heads, scatter "
-              f"{10 * np.linalg.norm(np.array(found_places) - mean, axis=2).mean():.2f} mm")
+        print(
+            f"{'open' if is_open else 'closed'}: {len(found_places)} heads, scatter "
+            f"{10 * np.linalg.norm(np.array(found_places) - mean, axis=2).mean():.2f} mm"
+        )
         mean = (mean + mean[mirror] * np.array([-1.0, 1.0, 1.0])) / 2
         places[int(is_open)] = mean
     closed, _ = NearestSurface(base.vertices.astype(np.float64), base.triangles, skin).points(places[0])

@@ -160,7 +160,9 @@ def _albedo(mesh: PaintedMesh, faces: NDArray[np.int64], corners: NDArray[np.int
         height, width = texture.shape[:2]
         at = np.stack([(1.0 - uv[chosen, 1]) * height - 0.5, uv[chosen, 0] * width - 0.5])
         for k in range(3):
-            colours[chosen, k] = ndimage.map_coordinates(texture[..., k].astype(np.float32), at, order=1, mode="nearest") / 255.0
+            colours[chosen, k] = (
+                ndimage.map_coordinates(texture[..., k].astype(np.float32), at, order=1, mode="nearest") / 255.0
+            )
     return np.clip(colours, 0.0, 1.0)
 
 

@@ -1,8 +1,8 @@
 """Light on the skin as spherical harmonics of its normals, of degree 2.
 
-Lambertian reflection of distant light is nearly a quadratic polynomial of the normal, with nine coefficients per channel
-(R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", SIGGRAPH 2001). Factors of
-the polynomials are absorbed by the coefficients.
+Lambertian reflection of distant light is nearly a quadratic polynomial of the normal, with nine coefficients per
+channel (R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", SIGGRAPH 2001).
+Factors of the polynomials are absorbed by the coefficients.
 """
 
 import numpy as np
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 N_LIGHT = 9
-# Ridge on the coefficients, relative to the number of samples: least on the ambient light.
-_RIDGE = 0.02 * np.array([1e-3, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.3, 0.3])
+# Expected light: white, and such that a photo is well exposed; dark skin in bright light and bright skin in dark light
+# look the same. Ridge on the differences, relative to the number of samples.
+_EXPECTED = np.array([0.95, *[0.0] * 8])
+_RIDGE = 0.02 * np.array([2.0, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.3, 0.3])
 # Residual of a colour, 0 to 1, from which a sample counts less, and the number of rounds.
 _DOUBTFUL, _ROUNDS = 0.08, 4
 
@@ -57,7 +59,8 @@ def fitted_light(colours: Array, albedo: Array, normals: Array, trust: Array) ->
         for _ in range(_ROUNDS):
             weighted = rows * weights[:, None]
             ridge = np.diag(_RIDGE * max(float(trust.sum()), 1.0))
-            light[:, channel] = np.linalg.solve(weighted.T @ rows + ridge, weighted.T @ colours[:, channel])
+            right = weighted.T @ colours[:, channel] + ridge @ _EXPECTED
+            light[:, channel] = np.linalg.solve(weighted.T @ rows + ridge, right)
             left = colours[:, channel] - rows @ light[:, channel]
             weights = trust / (1.0 + (left / _DOUBTFUL) ** 2)
     return light

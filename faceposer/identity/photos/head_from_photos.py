@@ -1,4 +1,4 @@
-"""A head from photos of one person: identity, texture, character, and the pose, the camera and the light of each photo."""
+"""A head from photos of one person: identity, texture, character; pose, camera and light of each photo."""
 
 import time
 from collections.abc import Sequence
