@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from faceposer.gui.features.scan.feature import ScanFeature
     from faceposer.gui.features.scan.work import MarkedScan
 
-_WIDTH, _TALLEST, _LABEL = 44.0, 41.0, 7.0
+_WIDTH, _TALLEST, _LABEL = 44.0, 48.0, 7.0
+# Height of a page beside its picture.
+_AROUND = 14.0
 _BUTTONS = {
     "form": (("find", "Find landmarks"), ("cancel", "Cancel")),
     "landmarks": (("fit", "Fit"), ("back", "Back"), ("cancel", "Cancel")),
@@ -210,11 +212,12 @@ class ScanDialog:
     def _draw_picture(self, image: NDArray[np.uint8]) -> tuple[ImVec2, float]:
         """Draw ``image`` as large as there is room and return its top left corner and its width."""
         texture = self._picture.texture(self._scan.context.gl, image)
-        room = imgui.get_content_region_avail()
+        room = imgui.get_content_region_avail().x
+        tallest = min(em(_TALLEST), imgui.get_main_viewport().work_size.y) - em(_AROUND)
         height, width = image.shape[:2]
-        scale = max(min(room.x / width, room.y / height), 0.1)
+        scale = max(min(room / width, tallest / height), 0.05)
         size = ImVec2(scale * width, scale * height)
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 0.5 * (room.x - size.x))
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 0.5 * (room - size.x))
         low = imgui.get_cursor_screen_pos()
         imgui.invisible_button("##picture", size)
         self._scan.context.widget_rects.record("scan:picture")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Page = Literal["form", "finding", "landmarks", "fitting", "result"]
 #: Meshes and rigs that can be scans.
-SUFFIXES = (*MESH_SUFFIXES, ".glb", ".gltf")
+SUFFIXES = MESH_SUFFIXES
 _MOST_SCANS = 12
 
 
