@@ -59,10 +59,11 @@ def creature() -> FaceModel:
 
 
 @pytest.fixture
-def open_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Iterator[OpenWindow]":
+def open_window(tmp_path: Path) -> "Iterator[OpenWindow]":
     """Opens hidden windows, see ``tests.windows.OpenWindow``."""
     from faceposer.gui.app import App
     from faceposer.gui.settings import Settings
+    from faceposer.gui.testing.few_pixels import draw_few_pixels
     from faceposer.gui.testing.scripted_user import Robot
 
     running: list[App] = []
@@ -70,7 +71,7 @@ def open_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Iterator[Op
     def call(
         what: str = "low",
         size: tuple[int, int] = (900, 680),
-        pictures: bool = True,
+        pictures: bool = False,
         journal: bool = False,
         **settings: Any,
     ) -> Robot:
@@ -78,9 +79,7 @@ def open_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Iterator[Op
         app = App(what, hidden=True, threaded=False, settings=chosen, journal=journal)
         running.append(app)
         if not pictures:
-            monkeypatch.setattr(
-                app, "face_image", lambda _: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-            )
+            draw_few_pixels(app)
         return Robot(app)
 
     yield call

@@ -97,7 +97,7 @@ def covered(robot: Robot, box: Rectangle, prefix: str) -> list[str]:
 def test_in_dialogs(
     dialog: str, size: tuple[int, int], scale: float, open_window: OpenWindow, tooltips: Tooltips
 ) -> None:
-    robot = open_window("low", size, pictures=False, ui_scale=scale)
+    robot = open_window("low", size, ui_scale=scale)
     robot.app.actions[dialog].run()
     if dialog == "import":
         robot.app.features[ImportCharacterFeature].form.captures = ["/a/take.csv"]
@@ -114,7 +114,7 @@ def test_in_dialogs(
 
 @pytest.mark.parametrize(("size", "scale"), [((1360, 860), 1.0), ((900, 600), 2.0)])
 def test_in_the_window(size: tuple[int, int], scale: float, open_window: OpenWindow, tooltips: Tooltips) -> None:
-    robot = open_window("low", size, pictures=False, ui_scale=scale)
+    robot = open_window("low", size, ui_scale=scale)
     app = robot.app
     x, y = robot.at("8.3")
     robot.drag((x, y), (x + 8, y - 10))

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    robot = open_window("man", (1100, 900), pictures=False)
+    robot = open_window("man", (1100, 900))
     robot.key("E")
     return robot
 
