@@ -17,7 +17,7 @@ from faceposer.model.character_file import load_character, save_character
 from faceposer.training.summary import arkit_shapes_of
 from tests.windows import OpenWindow
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.render.options import Look
 from tests.windows import OpenWindow
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.text import shortened, wrapped
 from faceposer.interchange.formats import FORMATS
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 
 def letters(text: str) -> float:

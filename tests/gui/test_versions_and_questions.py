@@ -14,7 +14,7 @@ from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.model.character_file import load_character, save_character
 from tests.versions import renumbered
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 CORNER = "8.3"
 

@@ -30,7 +30,7 @@ from faceposer.poses.pose_file import Pose, write_pose
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 CORNER = "8.3"
 CTRL = frozenset({"ctrl"})

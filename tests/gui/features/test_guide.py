@@ -20,7 +20,7 @@ from faceposer.gui.settings import Settings, load_settings, save_settings
 from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 SESSION = object()
 REST = Observation(SESSION, {"8.3": -0.23, "8.4": -0.23, "4.3": 0.19}, frozenset(), (0.0, 0.0), False, 0)

@@ -24,7 +24,7 @@ from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
 from tests.windows import OpenWindow
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 LEFT_CORNER, RIGHT_CORNER, LEFT_BROW = "8.3", "8.4", "4.1"
 
