@@ -112,13 +112,17 @@ def open_window(tmp_path: Path, request: pytest.FixtureRequest) -> "Iterator[Ope
             app.close()
 
 
+#: Modules that begin the run: one of them at the end would keep one of two cores busy alone.
+LONGEST = frozenset({"test_on_display.py", "test_train_prior.py", "test_random_events.py", "test_widget_ids.py"})
+
 #: Fixtures that open a window or make a context of OpenGL: tests with one of them are marked ``gl`` by themselves.
 DRAWING = frozenset({"open_window", "robot", "renderer", "ctx"})
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that draw by their fixtures."""
+    """Mark the tests that draw by their fixtures, and let the longest begin."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
     for item in items:
         if DRAWING & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.gl)
