@@ -29,7 +29,7 @@ from faceposer.files.writing import write_json
 from faceposer.training.expressions import Recipe
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
-POSES, SHORT_POSES = 40, 6
+POSES, SHORT_POSES = 30, 6
 
 
 def main() -> None:
@@ -37,7 +37,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", type=Path, help="file to write the rows and tables to")
     parser.add_argument("--short", action="store_true", help=f"{SHORT_POSES} poses instead of {POSES}")
-    parser.add_argument("--poses", type=int, metavar="N", help="number of poses")
+    parser.add_argument("--poses", type=int, metavar="N", help=f"number of poses, {POSES} by default")
     parser.add_argument("--character", default="man", help="default: man")
     parser.add_argument("--training", type=int, nargs="+", default=[36, 300], help="numbers of training poses")
     parser.add_argument("--recognition", nargs="+", default=["paper", "ours"], choices=["paper", "ours"])
