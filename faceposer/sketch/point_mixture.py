@@ -1,9 +1,10 @@
 """A mixture with one Gaussian per drawable feature point, over places in space, seen from any camera.
 
 Gunnarsson and Maddock (2010, section 4.3): the positions of a feature point in all training poses form a cluster with a
-Gaussian, and responsibilities (4) tell which feature point a place belongs to. A drawn point is a ray. Its depth is that of the surface below it, uncertain by ``DEPTH_ERROR``, when it is classified;
-afterwards it is replaced by that of the cluster's conditional Gaussian on the ray. The paper takes two axes of the
-front view for this; here every ray has its own frame, so that it holds for every view and for a perspective camera.
+Gaussian, and responsibilities (4) tell which feature point a place belongs to. A drawn point is a ray. Its depth is
+that of the surface below it, uncertain by ``DEPTH_ERROR``, when it is classified; afterwards it is replaced by that of
+the cluster's conditional Gaussian on the ray. The paper takes two axes of the front view for this; here every ray has
+its own frame, so that it holds for every view and for a perspective camera.
 """
 
 from dataclasses import dataclass
