@@ -209,12 +209,17 @@ def expressions(setting: StudyContext, frames: Array, count: int, seed: int) -> 
 
 
 def trials_of(
-    setting: StudyContext, frames: Array, errors: HandErrors, seed: int, counts: Sequence[int] = COUNTS
+    setting: StudyContext,
+    frames: Array,
+    errors: HandErrors,
+    seed: int,
+    counts: Sequence[int] = COUNTS,
+    any_order: bool = False,
 ) -> list[Trial]:
     """Return the trials of each of ``frames``, (n, S), in each of ``VIEWS`` with each number of strokes.
 
     The features of a trial are drawn at random, without parts of one another; with eight strokes, they are the brows,
-    lids and lips. Strokes follow each other from top to bottom and from outside to inside.
+    lids and lips. Strokes follow each other from top to bottom and from outside to inside, or in ``any_order``.
     """
     rng = np.random.default_rng(seed)
     trials = []
@@ -223,7 +228,8 @@ def trials_of(
         for view in VIEWS:
             artist = Artist(setting.character, truth, view_camera(setting, view))
             for count in counts:
-                names = _chosen(artist, count, rng)
+                chosen = _chosen(artist, count, rng)
+                names = chosen if any_order else sorted(chosen, key=list(FEATURES).index)
                 strokes = tuple(artist.draw(name, errors, rng) for name in names)
                 trials.append(Trial(number, view, count, strokes, truth))
     return trials
@@ -235,7 +241,7 @@ def view_camera(setting: StudyContext, view: str) -> Camera:
 
 
 def _chosen(artist: Artist, count: int, rng: np.random.Generator) -> list[str]:
-    """Return the names of the features that are drawn, in order."""
+    """Return the names of the features that are drawn, in random order."""
     possible = [name for name in artist.lines if count < COUNTS[-1] or name in WHOLE_FACE]
     chosen: list[str] = []
     for index in rng.permutation(len(possible)):
@@ -245,7 +251,7 @@ def _chosen(artist: Artist, count: int, rng: np.random.Generator) -> list[str]:
         chosen.append(name)
         if len(chosen) == count:
             break
-    return sorted(chosen, key=list(FEATURES).index)
+    return chosen
 
 
 def _overlap(a: str, b: str) -> bool:
