@@ -10,7 +10,7 @@ from faceposer.model.feature_curves import FEATURES
 
 # Log priors of the line of a closed mouth; of a lower lid before the upper one, and if a brow has been drawn, so that
 # the eye is drawn from above; of an inner lower lip before the upper one; of a feature that has been drawn before.
-_MOUTH_LINE, _LOWER_LID, _BELOW_BROW, _INNER_LOWER, _AGAIN = -1.15, -1.4, -1.5, -1.6, -1.6
+_MOUTH_LINE, _LOWER_LID, _BELOW_BROW, _INNER_LOWER, _AGAIN = -1.15, -1.4, -2.1, -1.6, -1.6
 
 
 def is_redrawn(feature: str, drawn: Collection[str]) -> bool:
