@@ -44,8 +44,8 @@ class Tuning:
         scribble: Prior probability of such a stroke.
         spread: Spread of poses about each training pose, as a share of that of all poses.
         present: Share of poses near the present one.
-        temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
-        others: The same for the strokes that have been drawn before.
+        others: Factor by which the log evidence of strokes that have been drawn before is divided, since an error of
+            the hand or of the poses would else be carried on.
         unseen: Least prior of a feature that faces away.
         finalists: Number of features that are compared exactly.
     """
@@ -55,7 +55,6 @@ class Tuning:
     scribble: float = 0.2
     spread: float = 0.3
     present: float = 0.4
-    temperature: float = 1.0
     others: float = 3.0
     unseen: float = 0.003
     finalists: int = 4
@@ -151,7 +150,7 @@ class WholeStrokeRecogniser:
             intervals = [candidate_intervals(self._rows.tracks[name].closed, coarse=True) for name in group]
             of_group = evidence(curves, samples, self.tuning.hand, intervals)
             found += [(of_group, index) for index in range(len(group))]
-        totals = [part.log_total(index, self.tuning.temperature) for part, index in found]
+        totals = [part.log_total(index) for part, index in found]
         for i in np.argsort(totals)[: -1 - self.tuning.finalists : -1]:
             if totals[i] > max(totals) - _NO_FINALIST:
                 part, index = found[i]
@@ -225,9 +224,8 @@ class WholeStrokeRecogniser:
         tuning = self.tuning
         seen = visibility(self._rows, stroke.camera)
         names = [part.tracks[index].feature for part, index in found]
-        totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
-        totals = as_drawn(names, totals, habits)
-        logs = totals / tuning.temperature
+        totals = as_drawn(names, np.array([part.log_total(index) for part, index in found]), habits)
+        logs = totals.copy()
         length, covered = float(lengths_along(samples)[-1]), np.ones(len(found))
         winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
         untidy = _beyond(winding, *_WINDING) + _beyond(trembling, *_TREMBLING)
@@ -237,7 +235,7 @@ class WholeStrokeRecogniser:
                 continue
             # A line drawn where the mouth is closed is of a closed mouth, whatever pose is nearest to its ends.
             apart = 1.0 - habits.on_line if names[i] == "mouth line" else 1.0
-            logs[i] += apart * log_openness(self._rows, part, index) / tuning.temperature
+            logs[i] += apart * log_openness(self._rows, part, index)
             logs[i] += np.log(max(seen[names[i]], tuning.unseen))
             logs[i] += log_prior(names[i], drawn)
             if feature is None:
@@ -249,7 +247,7 @@ class WholeStrokeRecogniser:
         # The middle of the face in the coordinates of the samples.
         unit = hand_unit(self._rows, stroke.camera)
         middle = (stroke.camera.project(self._rows.middle[None])[0] - stroke.camera.principal_point) / unit
-        scribble = tuning.scribbles.log_density(samples - middle) / tuning.temperature + np.log(tuning.scribble)
+        scribble = tuning.scribbles.log_density(samples - middle) + np.log(tuning.scribble)
         if feature is not None:
             scribble = -np.inf
         top = max(scribble, logs.max(initial=-np.inf))
