@@ -1,7 +1,7 @@
 """Prior probabilities of features by what has been drawn: people draw from above to below, and seldom twice.
 
-The constants are close to those of the highest likelihood on two folds of a performance, half of the trials with strokes
-in random order, and on strokes drawn by hand (docs/sketching.md).
+The constants are close to those of the highest likelihood on two folds of a performance, half of the trials with
+strokes in random order, and on strokes drawn by hand (docs/sketching.md).
 """
 
 from collections.abc import Collection
