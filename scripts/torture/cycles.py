@@ -17,7 +17,6 @@ from faceposer.geometry.camera import Camera
 from faceposer.gui.app import App
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.settings import Settings
-from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps, write_steps
 from faceposer.model.character_file import load_character, save_character
@@ -43,7 +42,9 @@ class Window:
             window_size=(700, 520), welcome_done=True, folder=str(folder), poses_folder=str(folder / "poses")
         )
         self.app = App(character, hidden=True, threaded=False, settings=settings)
-        self.robot = Robot(draw_few_pixels(self.app))
+        draw, view = self.app.scene.draw, self.app.viewport
+        self.app.face_image = lambda _: draw(view.view.camera((64, 64)), "clay", False, 0)  # type: ignore[method-assign]
+        self.robot = Robot(self.app)
         self.robot.frames(3)
 
     def open(self, what: str | Path) -> None:

@@ -29,7 +29,6 @@ from faceposer.cli import main
 from faceposer.files.temporary import is_temporary, remove_left
 from faceposer.gui.app import App
 from faceposer.gui.settings import Settings, load_settings, save_settings
-from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.autosave import autosave_dir, find_orphans
 from faceposer.session.document import read_document, write_document
@@ -136,7 +135,8 @@ def _pose(path: Path, shared: mmap) -> None:
     """Pose the face in a hidden window, counting the finished gestures in ``shared``."""
     app = App(str(path), hidden=True, threaded=False, settings=None, journal=True)
     app.dialogs.waiting.clear()
-    robot = Robot(draw_few_pixels(app))
+    app.face_image = lambda _: app.scene.draw(app.viewport.view.camera((32, 32)), "clay", False, 0)  # type: ignore[method-assign]
+    robot = Robot(app)
     rng = np.random.default_rng(7)
     left, top, right, bottom = app.widget_rects["view"]
     shared[0] = 1

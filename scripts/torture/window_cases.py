@@ -15,7 +15,6 @@ from faceposer.gui.feature import Feature
 from faceposer.gui.features.poses.feature import PosesFeature
 from faceposer.gui.features.recovery.feature import RecoveryFeature
 from faceposer.gui.settings import Settings, save_settings
-from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.gui.widgets.file_request import FileRequest
@@ -48,7 +47,10 @@ class User:
         if remembered:
             save_settings(chosen)
         self.app = App(what, hidden=True, threaded=False, settings=None if remembered else chosen, journal=True)
-        self.robot = Robot(draw_few_pixels(self.app))
+        draw = self.app.scene.draw
+        view = self.app.viewport
+        self.app.face_image = lambda _: draw(view.view.camera((64, 64)), "clay", False, 0)  # type: ignore[method-assign]
+        self.robot = Robot(self.app)
         self.told: list[str] = []
         self.answer()
 

@@ -129,13 +129,12 @@ class _Script:
         self._rest(3)
 
 
-def run(folder: Path, progress: Callable[[str], None] = print, window: tuple[int, int] = _WINDOW) -> DemoFiles:
+def run(folder: Path, progress: Callable[[str], None] = print) -> DemoFiles:
     """Play the demo, write its frames, an animation, the mesh and the session into ``folder``, and return their paths.
 
     Args:
         folder: Created if it does not exist; files of an earlier demo are replaced.
         progress: Called with a message about the written files.
-        window: Width and height of the window.
 
     Raises:
         FacePoserError: If no hidden window can be opened, or the folder cannot be written.
@@ -148,7 +147,7 @@ def run(folder: Path, progress: Callable[[str], None] = print, window: tuple[int
             old.unlink(missing_ok=True)
     except OSError as error:
         raise FacePoserError(f"The folder '{folder}' cannot be written: {error.strerror}.") from error
-    settings = Settings(window_size=window, folder=str(folder.resolve()), welcome_done=True)
+    settings = Settings(window_size=_WINDOW, folder=str(folder.resolve()), welcome_done=True)
     app = App("man", hidden=True, threaded=False, settings=settings)
     try:
         recorder = Recorder(app.screenshot, frames_folder)

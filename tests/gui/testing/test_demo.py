@@ -16,7 +16,7 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoFiles:
-    return run(tmp_path_factory.mktemp("demo") / "new" / "folder", lambda text: None, (720, 560))
+    return run(tmp_path_factory.mktemp("demo") / "new" / "folder", progress=lambda text: None)
 
 
 @pytest.mark.slow
