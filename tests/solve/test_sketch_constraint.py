@@ -9,14 +9,18 @@ import pytest
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.geometry.picking import SurfacePoint
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, feature_curves
 from faceposer.solve.conflicts import find_conflicts
+from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import constraint_from_json
 from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.solve.constraints.sketch_matching import distances
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.solve.map_solver import solve
-from faceposer.solve.problem import PoseProblem
+from faceposer.solve.problem import PoseProblem, gather_points
+from faceposer.solve.term import PoseState
 
 Array = np.ndarray
 EXPRESSION = {
@@ -307,3 +311,46 @@ def test_sketches_that_contradict_are_reported(model: FaceModel, camera: Camera)
     problem = PoseProblem(model, [up, down])
     conflicts = find_conflicts(problem, solve(problem).coefficients)
     assert {(c.index, c.opponent) for c in conflicts} == {(0, 1), (1, 0)}
+
+
+def test_many_sketches_cost_what_each_does(model: FaceModel, camera: Camera) -> None:
+    truth, p = model.coefficients_of(EXPRESSION), 0.3 * model.coefficients_of(EXPRESSION)
+    sketches = [
+        replace(drawn(model, name, truth, camera), weight=weight)
+        for name, weight in (("left brow", 1.0), ("jaw line", 0.5), ("mouth outline", 2.0))
+    ]
+
+    def cost(*chosen: SketchConstraint) -> tuple[float, Array, Array, Array]:
+        anchored, slots = gather_points(model, chosen)
+        (term,) = SketchConstraint.terms(chosen, slots, model)
+        state = PoseState(anchored, p)
+        rows, residual = term.linearised(state)
+        assert float(residual @ residual) == pytest.approx(term.value_and_gradient(state)[0])
+        return *term.value_and_gradient(state), term.curvature(state), rows.T @ rows
+
+    each = [cost(sketch) for sketch in sketches]
+    for whole, parts in zip(cost(*sketches), zip(*each, strict=True), strict=True):
+        np.testing.assert_allclose(whole, sum(parts), rtol=1e-9, atol=1e-9 * np.abs(whole).max())
+
+
+def test_a_dragged_point_beside_sketches_gives_the_pose_of_new_terms(model: FaceModel, camera: Camera) -> None:
+    truth = model.coefficients_of(EXPRESSION)
+    sketches = [drawn(model, name, truth, camera) for name in ("left brow", "outer upper lip")]
+    chin = SurfacePoint.at_vertex(model.triangles, model.character.feature_points["2.1"])
+    start = 0.2 * truth
+    for x, begin in ((400.0, None), (410.0, None), (410.0, start)):
+        constraints = [*sketches, PointConstraint(chin, (x, 700.0), camera)]
+        kept = solve(PoseProblem(model, constraints, begin), model.neutral()).coefficients
+        new = [sketch.resolved(model, model.neutral()) for sketch in sketches]
+        fresh = solve(PoseProblem(model, [*new, constraints[-1]], begin), model.neutral()).coefficients
+        np.testing.assert_allclose(kept, fresh, atol=1e-9)
+
+
+def test_distances_from_a_line() -> None:
+    rng = np.random.default_rng(0)
+    line = np.cumsum(rng.normal(size=(60, 2)), axis=0) + 800.0
+    line[3] = line[4]
+    points = np.concatenate([line[[0, 7]], line[rng.integers(0, 60, 20)] + 5.0 * rng.normal(size=(20, 2))])
+    dense = np.concatenate([np.linspace(a, b, 400) for a, b in pairwise(line)])
+    nearest = np.sqrt(((points[:, None] - dense) ** 2).sum(axis=2)).min(axis=1)
+    np.testing.assert_allclose(distances(points, line), nearest, atol=1e-2)
