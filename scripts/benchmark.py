@@ -8,7 +8,8 @@ being dragged, to new vertices and normals; `solve/points-4/...` is a warm solve
 `scaling/...` are live drags, including the set-up of the problem: four distances, one of them set with a slider; a
 stroke of a number of pixels, with its target being dragged; a curve with five control points, one of them being
 dragged; five points being dragged with a number of fixed vertices (the paper's figure 14); a point being dragged beside
-eight sketches. `pick/...` is from the pixels of a stroke to points of the face; `start` is from the command to the first frame.
+eight sketches. `pick/...` is from the pixels of a stroke to points of the face; `start` is from the command to the
+first frame.
 
 With FACEPOSER_CAPTURES set, `scaling/examples-...` compares priors learned from different numbers of frames, which
 takes minutes. `rivals/...` are then solves from the neutral face, including the set-up of the problem, of ours (`mfa`),
