@@ -12,12 +12,11 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.muscles import dependent_pairs
 from faceposer.sized_cache import sized_cache
-from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
 from faceposer.solve.least_motion import LeastMotion, LinearisedEnergy
 from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, gaze_differences, prior_at
-from faceposer.solve.reach import limits_around
+from faceposer.solve.reach import ReachTerm, limits_around
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term, reduced
 
 #: Spread of a new session, from 0 (local) to 1 (the whole face).
@@ -70,7 +69,7 @@ class PoseProblem:
         start: The pose on which the prior is conditioned, shape (r,): the given one, with the eyes turned.
         limits: Limits of the weights of the model's density, widened to the home pose, shape (W, 2); None if the
             problem has none.
-        trust: Share from 0 to 1 by which targets of points count unlimited; see ``PointTerm.apply_reach``.
+        trust: Share from 0 to 1 by which targets count unlimited; see ``ReachTerm.within_reach``.
     """
 
     def __init__(
@@ -166,12 +165,13 @@ class PoseProblem:
         self._terms.append(term)
         self.__dict__.pop("_quadratic_form", None)
 
-    def _apply_reach(self, informative: Sequence[Term]) -> None:
+    def _apply_reach(self, informative: list[Term]) -> None:
         """Widen the rig's limits to the home pose, and limit the targets of points to their reach."""
         self.limits = _limits_at(self.model, self._home.tobytes())
-        for term in informative:
-            if isinstance(term, PointTerm):
-                term.apply_reach(self.model, self._start_state, self.limits, self.trust)
+        for i, term in enumerate(informative):
+            if isinstance(term, ReachTerm):
+                limited = term.within_reach(self.model, self._start_state, self.limits, self.trust)
+                self._terms[self._terms.index(term)] = informative[i] = limited
 
     def _add_bounds(self, informative: Sequence[Term]) -> None:
         """Add the terms that apply at every weight of the prior: the rig's limits and parallel gaze.

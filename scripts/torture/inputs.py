@@ -14,6 +14,8 @@ from PIL import Image
 from faceposer.cli import main
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.interchange.meshes import write_posed_obj
+from faceposer.landmarks.drawing import draw
+from faceposer.landmarks.painting import painted_character
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import feature_curves
 from faceposer.model.framing import face_view
@@ -65,8 +67,8 @@ COMMANDS: tuple[Command, ...] = (
         ".json",
     ),
     Command("animate", ("animate", CHARACTER, "{in}/trajectories.json", "-o", "{out}"), ".json"),
-    Command("landmarks", ("landmarks", CHARACTER, "-o", "{out}"), ".json"),
-    Command("landmarks image", ("landmarks", CHARACTER, "--image", "{out}"), ".png"),
+    Command("landmarks", ("landmarks", "{in}/portrait.png", "-o", "{out}"), ".json"),
+    Command("landmarks image", ("landmarks", "{in}/portrait.png", "--image", "{out}"), ".png"),
     Command("transfer", ("transfer", "{in}/session.json", CHARACTER, "--method", "weights", "-o", "{out}"), ".json"),
     Command("render", ("render", "{in}/session.json", "-o", "{out}", "--size", "64x64"), ".png", draws=True),
     Command(
@@ -94,6 +96,8 @@ def make_inputs(folder: Path, names: Sequence[str] = _SHAPES) -> FaceModel:
     camera = Camera(np.diag([1.0, -1.0, -1.0]), np.array([3.0, -2.0, 120.0]), 900.0, (400, 300))
     seen = camera.project(character.vertices[[character.feature_points[name] for name in GUIDED]]).tolist()
     pins = [{"point": name, "pixel": pixel} for name, pixel in zip(GUIDED, seen, strict=True)]
+    portrait = draw(painted_character(character), face_view(character).camera((400, 400)))
+    Image.fromarray(portrait.image).save(folder / "portrait.png")
     (folder / "strokes.json").write_text(json.dumps(_brow_stroke(model)))
     chin = character.vertices[character.feature_points["2.1"]].astype(np.float64)
     moves = [{"name": "2.1", "positions": [(chin - (0.0, 0.1 * frame, 0.0)).tolist() for frame in range(6)]}]

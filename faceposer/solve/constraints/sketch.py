@@ -178,7 +178,7 @@ class SketchConstraint(ConstraintBase):
     def terms(constraints: Sequence["SketchConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
         """Return a term for all ``constraints``; ``slots`` are the indices of their points in the state."""
         pairs = zip(constraints, slots, strict=True)
-        return [_term(tuple((sketch.on_face, sketch.weight, int(points[0])) for sketch, points in pairs))]
+        return [_term(tuple((sketch.on_face, sketch.weight, sketch.camera, int(at[0])) for sketch, at in pairs))]
 
     def nudged(self, offset: tuple[float, float]) -> "SketchConstraint":
         """Return the constraint with its stroke moved by ``offset`` pixels."""
@@ -244,17 +244,15 @@ class SketchConstraint(ConstraintBase):
 
 
 @lru_cache(maxsize=4)
-def _term(sketches: tuple[tuple[TracedSketch, float, int], ...]) -> SketchTerm:
-    """Return the term of sketches, given with their weights and the indices of their first points in the state.
+def _term(sketches: tuple[tuple[TracedSketch, float, Camera, int], ...]) -> SketchTerm:
+    """Return the term of sketches, given with their weights, cameras and the indices of their first points.
 
     It is cached, since sketches stay as they are while other constraints are dragged.
     """
     return SketchTerm(
         [
-            SketchTargets(
-                first + np.arange(len(traced.points)), traced.targets, traced.tangents, traced.matched, weight
-            )
-            for traced, weight, first in sketches
+            SketchTargets(first + np.arange(len(on.points)), on.targets, on.tangents, on.matched, weight, camera)
+            for on, weight, camera, first in sketches
         ]
     )
 

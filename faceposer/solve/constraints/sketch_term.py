@@ -2,13 +2,17 @@
 
 import weakref
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.geometry.camera import Camera
+from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.point import SIGMA_PX
-from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, reduced
+from faceposer.solve.reach import ReachTerm, reach_of_points
+from faceposer.solve.term import Array, Indices, PoseState, reduced
 
 # Number of points as which a whole line counts: it is drawn in one movement, so that its points are not independent.
 _LINE = 2.0
@@ -17,6 +21,9 @@ _LINE = 2.0
 _MATCHED, _ALONG_LINE, _ALONG_MATCHED = 0.2, 0.05, 0.1
 # Standard deviation of the shift of a whole stroke, in pixels, in each direction.
 _SHIFT_PX = 4.0
+# Reach of the points of a line relative to that of a single point, whose pull is not attributed to shapes that move its
+# surroundings more.
+_WIDER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +36,7 @@ class SketchTargets:
         tangents: Unit tangents of the stroke there, shape (m, 2).
         matched: Mask of the matched feature points, shape (m,).
         weight: Weight of the sketch, w, above 0.
+        camera: The camera under which it was drawn.
     """
 
     points: Indices
@@ -36,9 +44,10 @@ class SketchTargets:
     tangents: Array
     matched: NDArray[np.bool_]
     weight: float
+    camera: Camera
 
 
-class SketchTerm(ResidualTerm):
+class SketchTerm(ReachTerm):
     """The sum over all sketches of the least cost of each over its shift d.
 
     It is the minimum of w / sigma^2 (sum over i of a_i (n_i . (e_i - d))^2 + b_i (t_i . (e_i - d))^2) +
@@ -76,7 +85,12 @@ class SketchTerm(ResidualTerm):
         together: Array = np.add.reduceat(self._stiffness, self._firsts) + of_shift[:, None, None] * np.eye(2)
         self._by_force = np.asarray(np.linalg.inv(together), dtype=np.float64)
         super().__init__(np.concatenate([np.stack([across, along], axis=1).ravel(), np.repeat(of_shift, 2)]))
+        views: dict[Camera, list[Indices]] = {}
+        for first, sketch in zip(self._firsts.tolist(), sketches, strict=True):
+            views.setdefault(sketch.camera, []).append(first + np.arange(len(sketch.points)))
+        self._views = [(camera, np.concatenate(indices)) for camera, indices in views.items()]
         self._last: tuple[weakref.ref[PoseState], Array, Array] | None = None
+        self._limited: tuple[weakref.ref[PoseState], bytes, float, SketchTerm] | None = None
 
     def _shifted(self, offsets: Array) -> tuple[Array, Array]:
         """Return ``offsets``, (m, 2, k), without the shifts of their sketches, and these shifts, (n, 2, k)."""
@@ -92,6 +106,32 @@ class SketchTerm(ResidualTerm):
     def _offsets(self, state: PoseState) -> Array:
         """Return the offsets of the points from their places on the strokes, shape (m, 2, 1)."""
         return (state.pixels[self._points] - self._targets)[:, :, None]
+
+    def within_reach(self, model: FaceModel, state: PoseState, limits: Array, trust: float = 0.0) -> "SketchTerm":
+        """Return the term with its targets limited to their reach (``ReachTerm``), kept for the last state.
+
+        Offsets across and along the stroke are limited by themselves: a hand that errs along it must not be the reason
+        for which the line falls short.
+        """
+        key = limits.tobytes(), trust
+        last = self._limited
+        if last is not None and last[0]() is state and last[1:3] == key:
+            return last[3]
+        origins = state.pixels[self._points]
+        drawn = self._targets - origins
+        pulls, mobility = drawn.copy(), np.ones(len(drawn))
+        for camera, indices in self._views:
+            reach = reach_of_points(model, state, self._points[indices], camera, limits)
+            parts = np.einsum("mij,mj->mi", self._frames[indices], drawn[indices])[:, :, None] * self._frames[indices]
+            limited = _WIDER * (reach.limited(parts[:, 0] / _WIDER) + reach.limited(parts[:, 1] / _WIDER))
+            pulls[indices] = (1.0 - trust) * limited + trust * drawn[indices]
+            mobility[indices] = reach.mobility
+        term = copy(self)
+        term._targets, term._last, term._limited = origins + pulls, None, None
+        across = np.einsum("mj,mj->m", self._frames[:, 0], drawn - pulls)
+        term.lost, term.mobility = float(np.abs(across).mean()), float(mobility.mean())
+        self._limited = weakref.ref(state), *key, term
+        return term
 
     def residual(self, state: PoseState) -> Array:
         """Return the offsets across and along the strokes without their shifts, and the n shifts, (2 m + 2 n,)."""
