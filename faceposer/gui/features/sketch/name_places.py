@@ -15,6 +15,8 @@ Box = tuple[float, float, float, float]
 _OUTWARDS, _ROWS, _ROW_COST = 30, 7, 1.5
 # Most rows by which a name is moved from the end of its line towards the line's mean height.
 _LEANING = 1.5
+# What a place above the name of a line that is higher costs, in rows.
+_ORDER_COST = 4.0
 
 
 def box_of_name(
@@ -35,7 +37,7 @@ def box_of_name(
         leftwards: True if outwards is to the left.
         obstacles: Points of strokes and features, shape (m, 2), that the box keeps ``gap`` away from.
         gap: Distance in pixels.
-        taken: Boxes of other names.
+        taken: Boxes of the names of higher lines.
 
     Returns:
         The box; None if the end is outside the view. If every place covers something, the one that covers least.
@@ -50,7 +52,10 @@ def box_of_name(
     # Lines that meet at a corner, as lips and lids do, get their names in the order of the lines.
     middle = end[1] + np.clip(line[:, 1].mean() - end[1], -_LEANING * height, _LEANING * height)
     tops = np.clip(middle - height / 2.0 + rows * (height + 1.0), 0.0, max(tall - height, 0.0)).ravel()
-    cost = (outwards + _ROW_COST * height * np.abs(rows)).ravel()
+    cost = (outwards + _ROW_COST * height * np.abs(rows)).ravel().astype(np.float64)
+    for other in taken:
+        beside = (lefts < other[2] + width) & (lefts + width > other[0] - width)
+        cost += _ORDER_COST * height * (beside & (tops < other[1]))
     u, v = obstacles[:, 0], obstacles[:, 1]
     # Only those near the rows can be covered.
     near = np.abs(v - middle) < (_ROWS + 2) * (height + 1.0) + gap
