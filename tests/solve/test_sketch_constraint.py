@@ -17,6 +17,7 @@ from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import constraint_from_json
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.sketch_matching import distances
+from faceposer.solve.constraints.sketch_term import SketchTerm
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem, gather_points
@@ -354,3 +355,57 @@ def test_distances_from_a_line() -> None:
     dense = np.concatenate([np.linspace(a, b, 400) for a, b in pairwise(line)])
     nearest = np.sqrt(((points[:, None] - dense) ** 2).sum(axis=2)).min(axis=1)
     np.testing.assert_allclose(distances(points, line), nearest, atol=1e-2)
+
+
+def moved(model: FaceModel, sketch: SketchConstraint, name: str, spread: float = 0.5) -> tuple[float, Array]:
+    """Return the largest motion of the feature point ``name`` and its neighbours in cm, and the pose."""
+    p = solve(PoseProblem(model, [sketch], spread=spread)).coefficients
+    vertices = model.character.vertices
+    near = np.linalg.norm(vertices - vertices[model.character.feature_points[name]], axis=1) < 1.0
+    moves = np.linalg.norm(model.instance(p) - model.instance(model.neutral()), axis=1)
+    return float(moves[near].max()), p
+
+
+def test_a_raised_nose_wing_sneers(model: FaceModel) -> None:
+    camera = view_of(model, "front")
+    sketch = (
+        drawn(model, "left nose wing", model.neutral(), camera).nudged((0.0, -12.0)).resolved(model, model.neutral())
+    )
+    lip, p = moved(model, sketch, "8.1")
+    weights = dict(zip(model.character.shape_names, model.weights_of(p), strict=True))
+    assert max(weights, key=lambda name: abs(weights[name])) == "noseSneerLeft"
+    assert lip < 0.15
+    # With the whole face, what usually comes with it may move, too.
+    assert moved(model, sketch, "8.1", spread=1.0)[0] > lip
+
+
+def test_a_sketch_beyond_the_range_is_explained(model: FaceModel) -> None:
+    camera = view_of(model, "front")
+    sketch = drawn(model, "left brow", model.neutral(), camera).nudged((0.0, -90.0)).resolved(model, model.neutral())
+    problem = PoseProblem(model, [sketch])
+    p = solve(problem).coefficients
+    ((index, opponent, mobility),) = [(c.index, c.opponent, c.mobility) for c in find_conflicts(problem, p)]
+    assert (index, opponent) == (0, None)
+    assert mobility is not None
+    assert mobility > 0.9
+    mouth = moved(model, sketch, "8.3")[0]
+    assert mouth < 0.05
+
+
+def test_limits_of_sketches_fade_with_trust(model: FaceModel, camera: Camera) -> None:
+    sketch = (
+        drawn(model, "left nose wing", model.neutral(), camera).nudged((9.0, -9.0)).resolved(model, model.neutral())
+    )
+    anchored, slots = gather_points(model, [sketch])
+    (term,) = SketchConstraint.terms([sketch], slots, model)
+    assert isinstance(term, SketchTerm)
+    state = PoseState(anchored, model.neutral())
+    limits = model.rig_density.limits
+    limited = [term.within_reach(model, state, limits, trust) for trust in (0.0, 0.5, 1.0)]
+    assert limited[0].lost > 2.0
+    assert limited[1].lost == pytest.approx(0.5 * limited[0].lost)
+    assert limited[2].lost == pytest.approx(0.0)
+    whole = term.value_and_gradient(state)
+    np.testing.assert_allclose(limited[2].value_and_gradient(state)[1], whole[1])
+    assert limited[0].value_and_gradient(state)[0] != pytest.approx(whole[0], rel=0.1)
+    assert term.within_reach(model, state, limits, 0.5) is term.within_reach(model, state, limits, 0.5)
