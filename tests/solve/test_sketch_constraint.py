@@ -402,10 +402,10 @@ def test_limits_of_sketches_fade_with_trust(model: FaceModel, camera: Camera) ->
     state = PoseState(anchored, model.neutral())
     limits = model.rig_density.limits
     limited = [term.within_reach(model, state, limits, trust) for trust in (0.0, 0.5, 1.0)]
-    assert limited[0].lost > 2.0
+    assert limited[0].lost > 1.0
     assert limited[1].lost == pytest.approx(0.5 * limited[0].lost)
     assert limited[2].lost == pytest.approx(0.0)
     whole = term.value_and_gradient(state)
     np.testing.assert_allclose(limited[2].value_and_gradient(state)[1], whole[1])
-    assert limited[0].value_and_gradient(state)[0] != pytest.approx(whole[0], rel=0.1)
+    assert limited[0].value_and_gradient(state)[0] != pytest.approx(whole[0], rel=0.05)
     assert term.within_reach(model, state, limits, 0.5) is term.within_reach(model, state, limits, 0.5)
