@@ -379,6 +379,15 @@ def test_a_raised_nose_wing_sneers(model: FaceModel) -> None:
     assert moved(model, sketch, "8.1", spread=1.0)[0] > lip
 
 
+def test_the_tremor_of_a_nose_wing_does_not_move_the_mouth(model: FaceModel) -> None:
+    still = drawn(model, "left nose wing", model.neutral(), view_of(model, "front"))
+    line = np.array(still.stroke)
+    wave = 3.0 * np.stack([np.sin(0.9 * np.arange(len(line))), np.cos(1.3 * np.arange(len(line)))], axis=1)
+    sketch = replace(still, stroke=as_pixels(line + wave)).resolved(model, model.neutral())
+    assert moved(model, sketch, "8.1")[0] < 0.05
+    assert moved(model, sketch, "8.3")[0] < 0.05
+
+
 def test_a_sketch_beyond_the_range_is_explained(model: FaceModel) -> None:
     camera = view_of(model, "front")
     sketch = drawn(model, "left brow", model.neutral(), camera).nudged((0.0, -90.0)).resolved(model, model.neutral())
