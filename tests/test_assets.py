@@ -393,6 +393,7 @@ def test_all_assets_together_stay_small() -> None:
     folder = asset_path("")
     total = sum(path.stat().st_size for path in Path(folder).rglob("*") if path.is_file())
     assert total < 24_000_000
+    assert asset_path("identity.npz").stat().st_size < 8_000_000
 
 
 def test_the_low_head_has_few_triangles_and_a_topology_of_its_own() -> None:
