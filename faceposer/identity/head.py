@@ -1,10 +1,12 @@
 """Heads: everything that a character needs, carried from a shipped head to the skin of another one."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from faceposer.errors import FacePoserError
 from faceposer.identity.anatomy.eyeballs import ball_of
@@ -62,15 +64,19 @@ class HeadMaker:
         rest = vertices[: self.n_skin]
         self._rest = rest
         outside = np.unique(np.concatenate([ids for ids in reference.regions.values() if ids.max() < self.n_skin]))
-        self._maps = LocalMaps(rest, outside.astype(np.int32), template.n_control)
+        outside = outside.astype(np.int32)
+        self._maps = LocalMaps(rest, outside, template.n_control)
         names = reference.shape_names
-        self._eyes = {}
+        self._eyes: dict[str, EyeFit] = {}
+        self._roots: dict[str, NDArray[np.int32]] = {}
         for side in ("Left", "Right"):
             ball = Ball(*ball_of(vertices[self._ids(f"eye_{side.lower()}")]))
             blink = reference.shapes[names.index(f"eyeBlink{side}"), : self.n_skin].astype(np.float64)
             self._eyes[side] = EyeFit(side, template, rest, blink, ball)
+            ring = self._eyes[side].ring
+            self._roots[side] = ring[cKDTree(rest[ring]).query(vertices[self._ids(f"lashes_{side.lower()}")])[1]]
         self._open, self._close = names.index("jawOpen"), names.index("mouthClose")
-        self._mouth = MouthFit(template, rest, reference.shapes[self._open, : self.n_skin].astype(np.float64))
+        self._mouth = MouthFit(template, rest, outside, reference.shapes[self._open, : self.n_skin].astype(np.float64))
         forward = np.linalg.norm(reference.shapes[names.index("jawForward")], axis=1)
         lower = reference.part("teeth_lower").vertices[0]
         self._jaw_share = forward.astype(np.float64) / float(forward[lower])
@@ -114,6 +120,7 @@ class HeadMaker:
         opening = self._mouth.opening(skin, head.maps, head.mouth)
         carried[self._close] += self._mouth.closing[:, None] * (carried[self._open] - opening)
         carried[self._open] = opening
+        carried[self._close] = self._mouth.lining_behind(skin, opening, carried[self._close])
         for side, eye in self._eyes.items():
             carried = eye.fit_shapes(skin, carried, names, head.balls[side])
         result[:, :n] = carried
@@ -130,6 +137,41 @@ class HeadMaker:
             ids = self._ids(f"lashes_{side.lower()}")
             head.vertices[ids] = np.concatenate([strip.reshape(-1, 3) for strip, _ in strips])
             result[:, ids] = np.concatenate([offsets.reshape(len(names), -1, 3) for _, offsets in strips], axis=1)
+        return result
+
+    def preview(self, skin: ArrayLike, weights: Mapping[str, float]) -> Floats:
+        """Return the vertices of the head with ``skin``, (n, 3), in a pose, shape (N, 3), for display while it changes.
+
+        It takes a fraction of the time of `shapes`, and differs from them by the correction of blinks and of lids that
+        follow the gaze: lids are at most about a millimetre from their places.
+
+        Raises:
+            FacePoserError: As `head`.
+        """
+        head = self.head(skin)
+        names, given = self.reference.shape_names, self.reference.shapes
+        values = np.array([weights.get(name, 0.0) for name in names])
+        used = np.flatnonzero(values)
+        offsets = np.tensordot(values[used], given[used], 1)
+        n, opened = self.n_skin, values[self._open]
+        rest = head.vertices[:n]
+        result = head.vertices.copy()
+        result[:n] += np.einsum("nij,nj->ni", head.maps, offsets[:n])
+        if opened or values[self._close]:
+            carried = np.einsum("nij,nj->ni", head.maps, given[self._open, :n])
+            particular = self._mouth.opening(rest, head.maps, head.mouth) - carried
+            result[:n] += (opened - values[self._close] * self._mouth.closing[:, None]) * particular
+        for side, ball in head.balls.items():
+            ids, eye = self._ids(f"eye_{side.lower()}"), self._eyes[side]
+            result[ids] += ball.radius / eye.ball.radius * offsets[ids]
+            ids, roots = self._ids(f"lashes_{side.lower()}"), self._roots[side]
+            away = (self.reference.vertices + offsets)[ids] - (self._rest + offsets[:n])[roots]
+            result[ids] = result[roots] + ball.radius / eye.ball.radius * away
+        for name in _MOUTH_PARTS:
+            ids = self._ids(name)
+            jaw = given[self._open, ids].astype(np.float64)
+            particular = self._mouth.carry_opening(jaw, self._jaw_share[ids], head.mouth) - head.mouth.scale * jaw
+            result[ids] += head.mouth.scale * offsets[ids] + opened * particular
         return result
 
     def _ids(self, name: str) -> slice:
