@@ -52,6 +52,7 @@ class HeadMaker:
     Attributes:
         reference: The character whose topology, parts and shapes all heads get.
         n_skin: Number of vertices of the skin, which come first.
+        lips: Measures of its mouth.
     """
 
     def __init__(self, reference: Character) -> None:
@@ -76,7 +77,7 @@ class HeadMaker:
             ring = self._eyes[side].ring
             self._roots[side] = ring[cKDTree(rest[ring]).query(vertices[self._ids(f"lashes_{side.lower()}")])[1]]
         self._open, self._close = names.index("jawOpen"), names.index("mouthClose")
-        self._mouth = MouthFit(template, rest, outside, reference.shapes[self._open, : self.n_skin].astype(np.float64))
+        self.lips = MouthFit(template, rest, outside, reference.shapes[self._open, : self.n_skin].astype(np.float64))
         forward = np.linalg.norm(reference.shapes[names.index("jawForward")], axis=1)
         lower = reference.part("teeth_lower").vertices[0]
         self._jaw_share = forward.astype(np.float64) / float(forward[lower])
@@ -95,12 +96,12 @@ class HeadMaker:
         Raises:
             FacePoserError: If the shape is another, a value is not finite, or the size is not that of a head.
         """
-        vertices = self._mouth.close_lips(self._checked(skin))
+        vertices = self.lips.close_lips(self._checked(skin))
         balls = {side: eye.place(vertices) for side, eye in self._eyes.items()}
         for side, eye in self._eyes.items():
             vertices = eye.fit_lids(vertices, balls[side])
         maps = (self._template.fine.split @ self._maps(vertices).reshape(-1, 9)).reshape(-1, 3, 3)
-        mouth = self._mouth.place(vertices)
+        mouth = self.lips.place(vertices)
         everything = self.reference.vertices.astype(np.float64)
         everything[: self.n_skin] = vertices
         for side, ball in balls.items():
@@ -108,7 +109,7 @@ class HeadMaker:
             everything[ids] = ball.centre + ball.radius / rest.radius * (everything[ids] - rest.centre)
         for name in _MOUTH_PARTS:
             ids = self._ids(name)
-            everything[ids] = self._mouth.carry(everything[ids], mouth)
+            everything[ids] = self.lips.carry(everything[ids], mouth)
         return Head(everything, maps, balls, mouth)
 
     def shapes(self, head: Head) -> Floats:
@@ -117,10 +118,10 @@ class HeadMaker:
         result = given.astype(np.float64)
         skin, n = head.vertices[: self.n_skin], self.n_skin
         carried = np.matmul(result[:, :n].transpose(1, 0, 2), head.maps.transpose(0, 2, 1)).transpose(1, 0, 2)
-        opening = self._mouth.opening(skin, head.maps, head.mouth)
-        carried[self._close] += self._mouth.closing[:, None] * (carried[self._open] - opening)
+        opening = self.lips.opening(skin, head.maps, head.mouth)
+        carried[self._close] += self.lips.closing[:, None] * (carried[self._open] - opening)
         carried[self._open] = opening
-        carried[self._close] = self._mouth.lining_behind(skin, opening, carried[self._close])
+        carried[self._close] = self.lips.lining_behind(skin, opening, carried[self._close])
         for side, eye in self._eyes.items():
             carried = eye.fit_shapes(skin, carried, names, head.balls[side])
         result[:, :n] = carried
@@ -130,7 +131,7 @@ class HeadMaker:
             ids = self._ids(name)
             result[:, ids] *= head.mouth.scale
             of_reference = given[self._open, ids].astype(np.float64)
-            result[self._open, ids] = self._mouth.carry_opening(of_reference, self._jaw_share[ids], head.mouth)
+            result[self._open, ids] = self.lips.carry_opening(of_reference, self._jaw_share[ids], head.mouth)
         for side, eye in self._eyes.items():
             size = head.balls[side].radius / eye.ball.radius
             strips = lash_strips(side, skin, carried, eye.halves, eye.lid, head.balls[side].centre, _LASHES * size)
@@ -159,8 +160,8 @@ class HeadMaker:
         result[:n] += np.einsum("nij,nj->ni", head.maps, offsets[:n])
         if opened or values[self._close]:
             carried = np.einsum("nij,nj->ni", head.maps, given[self._open, :n])
-            particular = self._mouth.opening(rest, head.maps, head.mouth) - carried
-            result[:n] += (opened - values[self._close] * self._mouth.closing[:, None]) * particular
+            particular = self.lips.opening(rest, head.maps, head.mouth) - carried
+            result[:n] += (opened - values[self._close] * self.lips.closing[:, None]) * particular
         for side, ball in head.balls.items():
             ids, eye = self._ids(f"eye_{side.lower()}"), self._eyes[side]
             result[ids] += ball.radius / eye.ball.radius * offsets[ids]
@@ -170,7 +171,7 @@ class HeadMaker:
         for name in _MOUTH_PARTS:
             ids = self._ids(name)
             jaw = given[self._open, ids].astype(np.float64)
-            particular = self._mouth.carry_opening(jaw, self._jaw_share[ids], head.mouth) - head.mouth.scale * jaw
+            particular = self.lips.carry_opening(jaw, self._jaw_share[ids], head.mouth) - head.mouth.scale * jaw
             result[ids] += head.mouth.scale * offsets[ids] + opened * particular
         return result
 

@@ -18,8 +18,12 @@ N_SKIN = 17259
 
 
 def visible(character: Character) -> NDArray[np.int32]:
-    """Return the vertices of the skin that are not inside the sockets or the mouth."""
-    return np.unique(np.concatenate([ids for ids in character.regions.values() if ids.max() < N_SKIN]))
+    """Return the vertices of the skin that are not inside the eyeballs or the mouth."""
+    ids = np.unique(np.concatenate([ids for ids in character.regions.values() if ids.max() < N_SKIN]))
+    for name in ("eye_left", "eye_right"):
+        centre, radius = ball_of(character.vertices[slice(*character.part(name).vertices)].astype(float))
+        ids = ids[np.linalg.norm(character.vertices[ids] - centre, axis=1) > radius]
+    return ids
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +74,7 @@ def test_the_woman_of_her_skin_alone_is_like_the_woman() -> None:
 def test_blinks_of_a_random_head_close(random_head: Character) -> None:
     for side in ("Left", "Right"):
         assert blink_gap_mm(random_head, side) < 0.05
-        assert blink_gap_mm(random_head, side, 0.9) > 0.2, "an eye that is not quite closed has a gap"
+        assert blink_gap_mm(random_head, side, 0.8) > 0.2, "an eye that is not quite closed has a gap"
 
 
 def test_nothing_penetrates_in_a_random_head(random_head: Character) -> None:
@@ -83,19 +87,15 @@ def test_nothing_penetrates_in_a_random_head(random_head: Character) -> None:
         assert max(depths.values()) < 0.1, (names, depths)
 
 
-def test_lips_are_shut_at_rest_and_over_an_open_jaw(man: Character, random_head: Character) -> None:
-    loop = HeadMaker.shipped()._mouth
+def test_lips_touch_as_the_mans_at_rest_and_over_an_open_jaw(man: Character, random_head: Character) -> None:
+    lips = HeadMaker.shipped().lips
     rows = [man.shape_names.index(name) for name in ("jawOpen", "mouthClose")]
-
-    def gaps(character: Character, skin: NDArray[np.floating]) -> NDArray[np.float64]:
-        del character
-        vertices = skin[:N_SKIN].astype(float)
-        return loop._line(vertices, loop._upper) - loop._line(vertices, loop._lower)
-
-    for character in (man, random_head):
-        assert np.abs(gaps(character, character.vertices)).max() < 0.1
-        over_jaw = character.vertices + character.shapes[rows].sum(axis=0)
-        assert gaps(character, over_jaw)[8:-8].max() < 0.12
+    rest, over_jaw = (
+        [lips.gaps(character.vertices[:N_SKIN] + offset(character)) for character in (man, random_head)]
+        for offset in (lambda _: 0.0, lambda character: character.shapes[rows, :N_SKIN].sum(axis=0))
+    )
+    np.testing.assert_allclose(rest[1], rest[0], atol=0.04)
+    np.testing.assert_allclose(over_jaw[1][8:-8], over_jaw[0][8:-8], atol=0.08)
 
 
 def test_eyeballs_are_between_the_lids(random_head: Character) -> None:

@@ -79,7 +79,7 @@ class MouthFit:
         self._lining = np.flatnonzero(hidden & (cKDTree(contact).query(skin)[0] > _LINING))
         front = outer[close[outer] & (below[outer] > 0.0) & (skin[outer, 2] > middle_lips[2] - _CHIN[2])]
         self._chin = front
-        self._gap = self._line(skin, self._upper) - self._line(skin, self._lower)
+        self._gap = self.gaps(skin)
         self.closing = 1.0 - ramp(*_CLOSING, cKDTree(contact).query(skin)[0])
         self._reference = self.place(skin)
         hinge = self._reference.hinge
@@ -92,10 +92,14 @@ class MouthFit:
         self._turned = np.where(far, np.clip(turned, 0.0, OPENING), 0.0)
         self._rest_of_opening = opening - (jaw_rotation(skin, self._turned, hinge) - skin)
 
+    def gaps(self, skin: Floats) -> Floats:
+        """Return the height of the upper lip over the lower one along their contact in ``skin``, (N, 3), (81,)."""
+        return self._line(skin, self._upper) - self._line(skin, self._lower)
+
     def close_lips(self, skin: Floats) -> Floats:
         """Return ``skin`` (N, 3) with the lips as close along their contact as in the reference."""
         scale = float(np.ptp(skin[self._loop, 0])) / self._width
-        excess = self._line(skin, self._upper) - self._line(skin, self._lower) - scale * self._gap
+        excess = self.gaps(skin) - scale * self._gap
         result = skin.copy()
         amount = np.interp(self._along(skin, self._contact_of), _SAMPLES, excess)
         result[self._moved, 1] += self._towards * self._fade * amount
