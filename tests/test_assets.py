@@ -392,7 +392,8 @@ def test_no_chart_of_the_skin_overlaps_itself(character: Character) -> None:
 def test_all_assets_together_stay_small() -> None:
     folder = asset_path("")
     total = sum(path.stat().st_size for path in Path(folder).rglob("*") if path.is_file())
-    assert total < 12_000_000
+    assert total < 24_000_000
+    assert asset_path("identity.npz").stat().st_size < 8_000_000
 
 
 def test_the_low_head_has_few_triangles_and_a_topology_of_its_own() -> None:

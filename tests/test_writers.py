@@ -16,6 +16,8 @@ from faceposer.files.writing import check_finite, json_text, with_null, write_js
 from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.ply_io import write_ply
 from faceposer.gui.settings import Settings, save_settings
+from faceposer.identity.model import IdentityModel
+from faceposer.identity.model_file import save_identity_model
 from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps, write_steps
 from faceposer.interchange.glb import write_glb
 from faceposer.interchange.gltf_builder import GltfBuilder
@@ -57,6 +59,7 @@ _MODULES = {
     "geometry/texture_images.py": "images",
     "gui/features/poses/feature.py": "poses, by poses/library.py",
     "gui/session_files.py": "sessions",
+    "identity/model_file.py": "checked here",
     "interchange/glb.py": "checked here",
     "interchange/meshes.py": "checked here; images and materials",
     "interchange/weights_json.py": "checked here",
@@ -180,6 +183,16 @@ def test_characters_and_statistics(tmp_path: Path, number: float) -> None:
     assert statistics.examples is not None
     coarse = replace(load_expression_statistics(), examples=1e6 * np.ones_like(statistics.examples))
     refused(coarse.save, path)
+
+
+@pytest.mark.parametrize("number", _BAD[:3])
+def test_models_of_heads(tmp_path: Path, number: float) -> None:
+    path = tmp_path / "a.npz"
+    path.write_bytes(_OLD)
+    model = IdentityModel().fit(np.random.default_rng(0).normal(size=(4, 5, 3)))
+    refused(lambda path: save_identity_model(path, model, {"texture.mean": np.full(3, number)}), path)
+    model.mean[1] = number
+    refused(lambda path: save_identity_model(path, model), path)
 
 
 def test_a_character_with_a_broken_summary_is_written_with_null(tmp_path: Path) -> None:

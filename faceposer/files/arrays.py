@@ -21,9 +21,7 @@ class TooLargeError(DamagedError):
     """The archive has too many arrays, or too large ones."""
 
 
-def read_arrays(
-    path: Path, max_bytes: int, max_members: int, named: set[str] | None = None
-) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path, max_bytes: int, max_members: int, named: set[str] | None = None) -> dict[str, NDArray[Any]]:
     """Return the arrays of the archive ``path`` by name, or those ``named``.
 
     Args:

@@ -152,8 +152,15 @@ def _default_reach(places: Array) -> float:
     return max(_REACH * float(np.linalg.norm(np.ptp(places, axis=0))), float(np.median(between.min(axis=1))))
 
 
-def _energy(nodes: Array, faces: Ints, stretching: float) -> sparse.csr_array:
-    """Return L' M^-1 L + ``stretching`` L, with cotangent weights L and lumped areas M, shape (n, n)."""
+def cotangent_laplacian(nodes: Array, faces: Ints) -> tuple[sparse.csr_array, Array]:
+    """Return the Laplacian L with cotangent weights, positive semidefinite, shape (n, n), and lumped areas, shape (n,).
+
+    Weights of edges opposite to obtuse angles are positive, too, and no area is 0.
+
+    Args:
+        nodes: Positions, shape (n, 3).
+        faces: Vertex ids of triangles, shape (T, 3).
+    """
     n = len(nodes)
     weights = np.zeros(0)
     ends = np.zeros((0, 2), dtype=np.intp)
@@ -174,7 +181,13 @@ def _energy(nodes: Array, faces: Ints, stretching: float) -> sparse.csr_array:
     laplacian = sparse.dia_array((graph.sum(axis=1)[None, :], [0]), shape=(n, n)).tocsr() - graph
     used = areas > 0.0
     least = _SMALLEST_AREA * float(areas[used].mean()) if used.any() else 1.0
-    masses = sparse.dia_array((1.0 / np.maximum(areas, least)[None, :], [0]), shape=(n, n))
+    return laplacian, np.maximum(areas, least)
+
+
+def _energy(nodes: Array, faces: Ints, stretching: float) -> sparse.csr_array:
+    """Return L' M^-1 L + ``stretching`` L, with cotangent weights L and lumped areas M, shape (n, n)."""
+    laplacian, areas = cotangent_laplacian(nodes, faces)
+    masses = sparse.dia_array((1.0 / areas[None, :], [0]), shape=(len(nodes), len(nodes)))
     return (laplacian.T @ masses @ laplacian + stretching * laplacian).tocsr()
 
 

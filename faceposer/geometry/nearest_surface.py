@@ -14,8 +14,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Number of triangles, those with the nearest centroids, that are tested for the nearest point.
+# Number of triangles, those with the nearest middles, that are tested for the nearest point.
 _CANDIDATES = 32
+# Triangles so many times larger than usual are found by the middles of equal parts, up to so many along an edge.
+_LARGE, _MOST_PARTS = 2.5, 24
 
 
 class NearestSurface:
@@ -26,19 +28,30 @@ class NearestSurface:
     ) -> None:
         """Prepare queries on the ``triangles``, (T, 3), with indices ``chosen``, shape (n,), n > 0.
 
-        Only the ``candidates`` triangles with the nearest centroids are tested, which fewer make faster.
+        Only the ``candidates`` triangles with the nearest middles are tested; fewer are faster.
         """
-        self._n_candidates = min(candidates, len(chosen))
+        self._n_candidates = candidates
         self._vertices = np.asarray(vertices, dtype=np.float64)
         self._triangles = np.asarray(triangles)
         self._chosen = np.asarray(chosen, dtype=np.int64)
 
     @cached_property
-    def _centroids(self) -> "cKDTree":
+    def _middles(self) -> "tuple[cKDTree, NDArray[np.int64]]":
+        """The middles of triangles, or of parts of large ones, and the triangle of each."""
         # Imported late to shorten the start of the window.
         from scipy.spatial import cKDTree
 
-        return cKDTree(self._vertices[self._triangles[self._chosen]].mean(axis=1))
+        corners = self._vertices[self._triangles[self._chosen]]
+        radii = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+        usual = max(_LARGE * float(np.median(radii)), 1e-300)
+        parts = np.clip(np.ceil(radii / usual), 1, _MOST_PARTS).astype(np.int64)
+        places, owners = [], []
+        for number in np.unique(parts):
+            own = np.flatnonzero(parts == number)
+            shares = _part_middles(int(number))
+            places.append(np.einsum("pc,ncd->npd", shares, corners[own]).reshape(-1, 3))
+            owners.append(np.repeat(self._chosen[own], len(shares)))
+        return cKDTree(np.concatenate(places)), np.concatenate(owners)
 
     @cached_property
     def _own_vertices(self) -> NDArray[np.int64]:
@@ -52,8 +65,9 @@ class NearestSurface:
 
     def points(self, places: Array) -> tuple[SurfacePoints, Array]:
         """Return the points on the surface nearest to ``places``, shape (n, 3), and their distances, shape (n,)."""
-        _, near = self._centroids.query(places, k=self._n_candidates)
-        candidates = self._chosen[np.asarray(near).reshape(len(places), -1)]
+        tree, owners = self._middles
+        _, near = tree.query(places, k=min(self._n_candidates, len(owners)))
+        candidates = owners[np.asarray(near).reshape(len(places), -1)]
         faces, weights = candidates[:, 0], np.zeros((len(places), 3))
         least = np.full(len(places), np.inf)
         # One candidate at a time: arrays of all of them at once do not fit the processor's cache.
@@ -105,6 +119,15 @@ def closest_on_triangles(corners: Array, places: Array) -> tuple[Array, Array]:
     for here, shares in rules:
         weights[here] = np.stack(shares, axis=1)[here]
     return weights, np.linalg.norm(np.einsum("nc,ncd->nd", weights, corners) - places, axis=1)
+
+
+def _part_middles(n: int) -> Array:
+    """Return barycentric coordinates of the middles of the n² equal parts of a triangle, shape (n², 3)."""
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    upright, inverted = i + j < n, i + j < n - 1
+    first = np.concatenate([i[upright] + 1 / 3, i[inverted] + 2 / 3]) / n
+    second = np.concatenate([j[upright] + 1 / 3, j[inverted] + 2 / 3]) / n
+    return np.stack([1.0 - first - second, first, second], axis=1)
 
 
 def _shares(at_b: Array, at_c: Array, total: Array) -> Array:

@@ -1,12 +1,13 @@
 """A morphable model of heads (Blanz and Vetter, "A morphable model for the synthesis of 3D faces", SIGGRAPH 1999).
 
-With the mean S̄ and the orthonormal principal components s_i of m registered heads, a head is (equation (1))
+With the mean S̄ and the orthonormal principal components s_i of m registered heads, with standard deviations d_i, a head
+is (equation (1), whose coefficients are a_i = d_i b_i)
 
-    S = S̄ + Σ_i α_i s_i = S̄ + Σ_i b_i σ_i s_i,      p(S) ∝ exp(-½ Σ_i (α_i / σ_i)²) = exp(-½ ‖b‖²)      (2).
+    S = S̄ + Σ_i d_i b_i s_i,      p(S) ∝ exp(-½ Σ_i b_i²)      (2).
 
-Coefficients here are b, in standard deviations. Between the K modes kept, the rest of the variance is taken as isotropic
-noise of variance ν², which makes it the probabilistic model of Tipping and Bishop ("Probabilistic principal component
-analysis", J. R. Stat. Soc. B 61, 1999): x ~ N(S̄, B Bᵀ + ν² I) with B = [σ_i s_i], up to ν² in the modes themselves.
+Coefficients here are b, in standard deviations. What the K modes kept leave of the variance is taken as isotropic noise
+of variance e², which makes it the probabilistic model of Tipping and Bishop ("Probabilistic principal component
+analysis", J. R. Stat. Soc. B 61, 1999): x ~ N(S̄, Σ_i (d_i² - e²) s_i s_iᵀ + e² I).
 """
 
 from dataclasses import dataclass
@@ -41,14 +42,13 @@ class Projection:
 class IdentityModel:
     """Heads of one topology: a mean, and modes in which people differ.
 
-    The interface is that of scikit-learn's estimators (`sklearn.decomposition.PCA`), which is not imported: `fit` learns,
-    and attributes that it sets have no leading underscore.
+    The interface is that of scikit-learn's estimators, such as `sklearn.decomposition.PCA`, which is not imported.
 
     Attributes:
         mean: S̄, shape (3 C,).
         modes: s_i as rows, orthonormal, shape (K, 3 C).
-        standard_deviations: σ_i, descending, shape (K,).
-        noise: ν, the standard deviation of each coordinate that the modes leave.
+        standard_deviations: d_i, descending, shape (K,).
+        noise: e, the standard deviation of each coordinate that the modes leave.
         total_variance: Variance of the heads learned from, summed over coordinates.
         n_heads: Number of heads learned from.
         template: The topology that subdivides the C vertices to a skin, or None.
@@ -174,7 +174,7 @@ class IdentityModel:
     def score_samples(self, heads: ArrayLike) -> Array:
         """Return the log density of ``heads``, (m, 3 C) or (m, C, 3), by the model with noise, shape (m,).
 
-        With z = s_iᵀ (x - S̄), ln p = -½ (D ln 2π + Σ ln σ_i² + (D - K) ln ν² + Σ z_i²/σ_i² + (‖x - S̄‖² - ‖z‖²)/ν²).
+        With z = s_iᵀ (x - S̄), ln p = -½ (D ln 2π + Σ ln d_i² + (D - K) ln e² + Σ z_i²/d_i² + (‖x - S̄‖² - ‖z‖²)/e²).
 
         Raises:
             ValueError: If the modes explain the heads learned from completely, so that there is no density.
@@ -185,8 +185,10 @@ class IdentityModel:
         along = rows @ self.modes.T
         left = np.maximum(np.square(rows).sum(axis=1) - np.square(along).sum(axis=1), 0.0)
         d, k = len(self.mean), self.n_coefficients
-        constant = d * np.log(2.0 * np.pi) + 2.0 * np.log(self.standard_deviations).sum() + 2 * (d - k) * np.log(self.noise)
-        score: Array = -0.5 * (constant + np.square(along / self.standard_deviations).sum(axis=1) + left / self.noise**2)
+        constant = d * np.log(2.0 * np.pi) + 2.0 * np.log(self.standard_deviations).sum()
+        constant += 2.0 * (d - k) * np.log(self.noise)
+        near = np.square(along / self.standard_deviations).sum(axis=1)
+        score: Array = -0.5 * (constant + near + left / self.noise**2)
         return score
 
     def score(self, heads: ArrayLike) -> float:
@@ -235,7 +237,7 @@ class IdentityModel:
         residual = float(np.sqrt(np.square(left).sum() / max(w.sum(), 1e-300)))
         return Projection(np.concatenate([coefficients, np.zeros(self.n_coefficients - len(basis))]), residual)
 
-    def project_segments(self, vertices: ArrayLike, noise: float | None = None) -> Array:
+    def project_segments(self, vertices: ArrayLike, noise: float | None = None, n_modes: int | None = None) -> Array:
         """Return coefficients of each segment, shape (s, K): `project` with the weights of its partition."""
         if self.segments is None:
             raise ValueError("the model has no segments")
@@ -243,19 +245,22 @@ class IdentityModel:
         weights = self.segments.weights
         if self.template is not None and len(given) == self.template.n_skin:
             weights = np.clip(self.template.skin(weights.T).T, 0.0, None)
-        return np.stack([self.project(given, w, noise).coefficients for w in weights])
+        return np.stack([self.project(given, w, noise, n_modes).coefficients for w in weights])
 
     def compactness(self) -> Array:
         """Return the share of the total variance in the first 1, 2, ..., K modes, shape (K,)."""
         return np.cumsum(self.standard_deviations**2) / self.total_variance
 
-    def generalization(self, heads: ArrayLike, counts: ArrayLike, noise: float | None = 0.0) -> Array:
+    def generalization(
+        self, heads: ArrayLike, counts: ArrayLike, noise: float | None = 0.0, counted: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Return the mean distance of vertices of ``heads``, not learned from, by number of modes.
 
         Args:
             heads: Registered heads, shape (m, C, 3) or (m, N, 3).
             counts: Numbers of modes, shape (n,).
             noise: As in `project`.
+            counted: Mask of the vertices whose distances count; all if None.
 
         Returns:
             Mean distances in the unit of the model, shape (n,).
@@ -267,7 +272,7 @@ class IdentityModel:
             for column, head in enumerate(given):
                 found = self.project(head, noise=noise, n_modes=count).coefficients
                 left = head - mean - np.tensordot(found, basis, 1)
-                errors[row, column] = np.linalg.norm(left, axis=1).mean()
+                errors[row, column] = np.linalg.norm(left if counted is None else left[counted], axis=1).mean()
         return errors.mean(axis=1)
 
     def specificity(self, heads: ArrayLike, counts: ArrayLike, n_samples: int = 100, seed: int = 0) -> Array:
@@ -287,9 +292,7 @@ class IdentityModel:
         draws = self.sample(seed, n_samples)
         result = []
         for count in np.atleast_1d(counts).tolist():
-            nearest = [
-                np.linalg.norm(given - self.vertices(draw[:count]), axis=2).mean(axis=1).min() for draw in draws
-            ]
+            nearest = [np.linalg.norm(given - self.vertices(draw[:count]), axis=2).mean(axis=1).min() for draw in draws]
             result.append(float(np.mean(nearest)))
         return np.array(result)
 

@@ -88,6 +88,7 @@ def save_identity_model(
     steps = np.maximum(np.abs(basis).max(axis=(1, 2)) / _LARGEST_STEP, 1e-12).astype(np.float32)
     values = {"mean": model.mean_vertices, "basis": basis, "deviations": model.standard_deviations}
     check_finite(target, "model of heads", *values.values(), model.noise, model.total_variance)
+    check_finite(target, "model of heads", *(a for a in (members or {}).values() if a.dtype.kind == "f"))
     facts = {
         **(meta or {}),
         "format": FORMAT,
@@ -119,7 +120,10 @@ def _model_of(path: Path, meta: dict[str, Any], members: dict[str, NDArray[Any]]
         k, c = len(deviations), template.n_control
         if mean.shape != (c, 3) or modes.shape != (k, c, 3) or steps.shape != (k,) or k == 0:
             raise _unusable(path, "its heads do not have the topology of the built-in man")
-        if not all(np.isfinite(array).all() for array in (mean, modes, steps, deviations)) or not (deviations > 0).all():
+        if (
+            not all(np.isfinite(array).all() for array in (mean, modes, steps, deviations))
+            or not (deviations > 0).all()
+        ):
             raise ValueError("not finite")
         segments = None
         if "shape.segments" in members:

@@ -59,11 +59,11 @@ class RegistrationSettings:
         ridge: How little landmarks are trusted by the first bend: 0 is met exactly.
     """
 
-    stiffness: tuple[float, ...] = (1000.0, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
+    stiffness: tuple[float, ...] = (1000.0, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
     rounds: int = 2
     landmark_weight: float = 30.0
     farthest: tuple[float, float] = (2.0, 0.7)
-    least_cosine: float = 0.7
+    least_cosine: float = 0.5
     ridge: float = 0.2
 
 

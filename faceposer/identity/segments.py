@@ -12,22 +12,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse import csgraph
+from scipy.sparse import csgraph, linalg
 
+from faceposer.geometry.deform import cotangent_laplacian
 from faceposer.geometry.mesh import Floats, Ints
 
 Array = NDArray[np.float64]
 
 #: Names of the segments in order; the last takes what the others leave.
 SEGMENT_NAMES = ("eyes", "nose", "mouth", "rest")
-#: Parts of the name of the regions of a character that make up each segment.
+#: Beginnings of the names of the regions of a character around which each segment lies.
 SEGMENT_REGIONS: Mapping[str, tuple[str, ...]] = {
     "eyes": ("eye_", "lids_", "brow_"),
     "nose": ("nose",),
     "mouth": ("lip_",),
 }
-#: Distances along the surface from each segment's regions over which its weight falls to 0, in centimetres.
-REACHES: Mapping[str, float] = {"eyes": 2.0, "nose": 2.0, "mouth": 3.0}
+#: Distances along the surface from these regions up to which a segment extends, in centimetres.
+REACHES: Mapping[str, float] = {"eyes": 1.5, "nose": 0.8, "mouth": 2.0}
+#: Length over which segments blend, in centimetres, and the number of steps of the diffusion, which make it smooth.
+BLEND, _STEPS = 1.7, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,25 +69,30 @@ def segments_of(vertices: Floats, quads: Ints, regions: Mapping[str, Sequence[in
         quads: Quads, shape (F, 4).
         regions: Vertex ids of the regions of a character; those of other vertices are ignored.
     """
-    shares = []
+    positions = np.asarray(vertices, dtype=np.float64)
+    apart = [np.full(len(positions), 1.0)]
     for name in SEGMENT_NAMES[:-1]:
-        members = [
-            np.asarray(ids) for region, ids in regions.items() if region.startswith(SEGMENT_REGIONS[name])
-        ]
+        members = [np.asarray(ids) for region, ids in regions.items() if region.startswith(SEGMENT_REGIONS[name])]
         own = np.unique(np.concatenate(members))
-        distances = _distances(np.asarray(vertices, dtype=np.float64), quads, own[own < len(vertices)])
-        shares.append(_falling(distances / REACHES[name]))
-    total = np.sum(shares, axis=0)
-    rest = np.prod([1.0 - share for share in shares], axis=0)
-    stacked = np.stack([*shares, rest]) / (total + rest)
-    return Segments(SEGMENT_NAMES, stacked)
+        apart.append(_distances(positions, quads, own[own < len(positions)]) / REACHES[name])
+    # The segment in whose reach a vertex is deepest, or the rest.
+    nearest = np.argmin(apart, axis=0)
+    indicators = np.stack([nearest == number for number in (1, 2, 3, 0)], axis=1).astype(np.float64)
+    return Segments(SEGMENT_NAMES, _diffused(positions, quads, indicators).T)
 
 
-def _falling(x: Array) -> Array:
-    """Return a smooth step from 1 at 0 to 0 at 1, with two derivatives 0 at both."""
-    t = np.clip(1.0 - x, 0.0, 1.0)
-    result: Array = t**3 * (t * (6.0 * t - 15.0) + 10.0)
-    return result
+def _diffused(vertices: Array, quads: Ints, values: Array) -> Array:
+    """Return ``values``, (C, k), after implicit steps of heat: sums to 1, and signs, remain as they are.
+
+    (A + t L) u' = A u with cotangent weights L, areas A and t = BLEND² / (2 n) in n steps.
+    """
+    laplacian, areas = cotangent_laplacian(vertices, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
+    mass = sparse.diags_array(areas)
+    factors = linalg.splu((mass + BLEND**2 / (2 * _STEPS) * laplacian).tocsc())
+    for _ in range(_STEPS):
+        values = factors.solve(mass @ values)
+    result = np.clip(values, 0.0, 1.0)
+    return result / result.sum(axis=1, keepdims=True)
 
 
 def _distances(vertices: Array, quads: Ints, sources: Ints) -> Array:

@@ -19,7 +19,6 @@ from faceposer.files import paths
 from faceposer.files.arrays import DamagedError, TooLargeError, read_arrays
 from faceposer.files.atomic import atomic_file
 from faceposer.files.json_documents import parse_json
-from faceposer.files.reading import open_file
 from faceposer.files.writing import check_finite, json_text, with_null
 from faceposer.model.character import Character, Floats, Ints, Part
 from faceposer.model.errors import InconsistentError

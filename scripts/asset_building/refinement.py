@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scripts.asset_building.piece import Ints, Piece
 from faceposer.geometry.subdivision import Subdivision
+from scripts.asset_building.piece import Ints, Piece
 
 
 @dataclass(frozen=True)

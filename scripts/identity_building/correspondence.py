@@ -65,9 +65,7 @@ def correspondence(man: Character, skin: Skin, people: ScannedPeople, progress: 
     pairs, inner = _pairs(man, own, triangles, skin, people)
     scale = 1.0 / float(_frame(pairs, own, triangles).scale)
     searching = _searching(own, skin, inner)
-    found = register(
-        TriangleMesh(scale * own, triangles), target, pairs, SETTINGS, progress, searching=searching
-    )
+    found = register(TriangleMesh(scale * own, triangles), target, pairs, SETTINGS, progress, searching=searching)
     known = found.used | _on_curves(pairs, len(own))
     return Correspondence(found, scale, known, found.points, inner)
 
@@ -88,8 +86,12 @@ def _pairs(
     seen = np.flatnonzero(np.isfinite(found.points).all(axis=1) & (apart < 0.5))
     trust = 1.0 / (1.0 + (found.spread[seen] / _HALF_SPREAD) ** 2)
     marked = [*EAR, *NOSE]
-    mirrored, _ = NearestSurface(own, triangles, np.arange(len(triangles))).at_vertices(own[[v for v, _ in marked]] * _FLIP)
-    exact = np.array([man.feature_points[name] for name in _SAME] + [v for v, _ in marked] + (-1 - mirrored.faces).tolist())
+    mirrored, _ = NearestSurface(own, triangles, np.arange(len(triangles))).at_vertices(
+        own[[v for v, _ in marked]] * _FLIP
+    )
+    exact = np.array(
+        [man.feature_points[name] for name in _SAME] + [v for v, _ in marked] + (-1 - mirrored.faces).tolist()
+    )
     there = np.array([place for _, place in marked])
     places = np.concatenate([people.mean[people.landmarks[list(_SAME.values())]], there, there * _FLIP])
     curves = [*lid_points(skin, own, people), contact_points(skin, own, people)]

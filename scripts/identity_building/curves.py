@@ -44,7 +44,9 @@ def lid_points(skin: Skin, own: Floats, people: ScannedPeople) -> list[CurvePoin
 
 def contact_points(skin: Skin, own: Floats, people: ScannedPeople) -> CurvePoints:
     """Return the points along the line where the lips meet."""
-    border = min(openings(people.quads), key=lambda loop: float(np.linalg.norm(people.mean[loop].mean(axis=0) - _MOUTH)))
+    border = min(
+        openings(people.quads), key=lambda loop: float(np.linalg.norm(people.mean[loop].mean(axis=0) - _MOUTH))
+    )
     ring = _in_order(people.quads, rings(people.quads, border, _SCAN_CONTACT)[-1])
     ours, theirs = (_halves(v, loop, 1.0) for v, loop in ((own, skin.lip_contact), (people.mean, ring)))
     return _joined([_matched(a, own, people.mean[b]) for a, b in zip(ours, theirs, strict=True)])

@@ -21,7 +21,7 @@ CREDITS = (
     "Shapes learned from identities of ICT-FaceKit Light, Copyright (c) 2020 USC Institute for Creative Technologies, "
     "MIT licence, laid on MakeHuman's base mesh (CC0 1.0)."
 )
-#: Modes kept, and seed and number of the sampled identities; each comes with its opposite and the mirror images of both.
+#: Modes kept, and seed and number of the sampled identities; with each come its opposite and their mirror images.
 N_MODES, _SEED, _N_SAMPLES = 100, 1999, 600
 
 
@@ -69,15 +69,10 @@ class Learning:
     def heads(self, seed: int, n: int, balanced: bool) -> Floats:
         """Return ``n`` sampled heads, shape (n, C, 3).
 
-        If ``balanced``, their weights have exactly the moments of the standard normal distribution: their second moment
-        is the identity matrix, and the opposite of each follows, 2 n heads in all. The sampling then adds no error to the
-        covariance.
+        If ``balanced``, with `balanced_weights`, 2 n heads in all.
         """
-        weights = np.random.default_rng(seed).standard_normal((n, len(self.people.modes)))
-        if balanced:
-            u, _, vt = np.linalg.svd(weights, full_matrices=False)
-            weights = np.sqrt(n) * (u @ vt)
-            weights = np.concatenate([weights, -weights])
+        k = len(self.people.modes)
+        weights = balanced_weights(seed, n, k) if balanced else np.random.default_rng(seed).standard_normal((n, k))
         return np.stack([self.head(row) for row in weights])
 
     def model(self) -> IdentityModel:
@@ -89,3 +84,14 @@ class Learning:
         model = IdentityModel(N_MODES, self.template, credits=CREDITS).fit(heads)
         model.segments = segments_of(model.mean_vertices, self.template.control_quads, man.regions)
         return model
+
+
+def balanced_weights(seed: int, n: int, k: int) -> Floats:
+    """Return ``n`` draws from the standard normal distribution of ``k`` dimensions and their opposites, (2 n, k).
+
+    They are turned and stretched so that their second moment is exactly the identity matrix: the sampling adds no error
+    to the covariance of what is linear in them.
+    """
+    u, _, vt = np.linalg.svd(np.random.default_rng(seed).standard_normal((n, k)), full_matrices=False)
+    weights = np.sqrt(n) * (u @ vt)
+    return np.concatenate([weights, -weights])

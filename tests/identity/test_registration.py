@@ -112,6 +112,20 @@ def test_closest_points_of_triangles_are_those_of_a_fine_grid() -> None:
     assert (distances > nearest - 0.1).all()
 
 
+def test_large_triangles_next_to_small_ones_are_found() -> None:
+    # Two triangles of a large floor, and a small heap of tiny ones high above one corner.
+    rng = np.random.default_rng(5)
+    floor = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [100.0, 100.0, 0.0], [0.0, 100.0, 0.0]])
+    heap = [0.0, 0.0, 30.0] + rng.normal(scale=0.5, size=(3000, 3))
+    triangles = np.concatenate([[[0, 1, 2], [0, 2, 3]], 4 + np.arange(3000).reshape(-1, 3)])
+    surface = NearestSurface(np.concatenate([floor, heap]), triangles, np.arange(len(triangles)))
+    places = rng.uniform([0.0, 0.0, 1.0], [100.0, 100.0, 5.0], size=(200, 3))
+    points, distances = surface.points(places)
+    assert np.allclose(distances, places[:, 2])
+    assert (points.faces < 2).all()
+    assert np.allclose(points.positions(np.concatenate([floor, heap]), triangles)[:, :2], places[:, :2])
+
+
 def test_work_can_be_cancelled(landmarks: LandmarkPairs) -> None:
     template = coarse(*skin("man"))
     woman = TriangleMesh(ELSEWHERE.apply(template.vertices), template.triangles)
