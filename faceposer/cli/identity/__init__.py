@@ -42,4 +42,4 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the chosen subcommand and return the exit status."""
-    return next(subcommand for subcommand in SUBCOMMANDS if subcommand.NAME == options.action).run(options)
+    return next(subcommand for subcommand in SUBCOMMANDS if options.action == subcommand.NAME).run(options)
