@@ -18,6 +18,7 @@ from faceposer.cli import (
     demo,
     evaluate,
     export,
+    identity,
     landmarks,
     photo,
     render,
@@ -62,6 +63,7 @@ COMMANDS: tuple[Command, ...] = (
     transfer,
     photo,
     landmarks,
+    identity,
     sketch,
     export,
     evaluate,
@@ -90,6 +92,7 @@ examples:
                                              pose a face from a photo
   faceposer landmarks face.jpg -o points.json
                                              find the landmarks of a photo or a mesh
+  faceposer identity fit scan.obj -o me.npz  make a character of a scan of a head
   faceposer sketch man strokes.json -o drawn.json
                                              pose a face by drawn features
   faceposer evaluate -o DIR                  compare the prior with other techniques on unseen expressions

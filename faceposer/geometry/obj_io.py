@@ -251,6 +251,26 @@ def read_obj_positions_and_digest(path: Path) -> tuple[NDArray[np.float64], str]
     return _positions(path, lines), _digest(b"\n".join(line for line in lines if line.startswith((b"f ", b"f\t"))))
 
 
+def read_obj_colours(path: Path, n_vertices: int) -> NDArray[np.float64]:
+    """Return the colours of the vertices of the OBJ file ``path``, 0 to 255, shape (N, 3), or (0, 3).
+
+    They are the fourth to sixth number of each vertex, which many programs write, from 0 to 1 or to 255. Only files are
+    read that have them at all vertices, in consecutive lines.
+
+    Raises:
+        OSError: If the file cannot be read.
+    """
+    vertices = _run_of(_content(path), b"v ")
+    numbers = None if vertices is None else numbers_in(vertices.replace(b"\nv ", b"\n")[2:], np.float64)
+    if numbers is None or len(numbers) != 6 * n_vertices:
+        return np.zeros((0, 3))
+    colours = numbers.reshape(-1, 6)[:, 3:]
+    if not np.isfinite(colours).all():
+        return np.zeros((0, 3))
+    scale = 255.0 if colours.max(initial=0.0) <= 1.0 else 1.0
+    return np.clip(colours * scale, 0.0, 255.0)
+
+
 def _run_of(data: bytes, keyword: bytes) -> bytes | None:
     """Return the lines that begin with ``keyword`` if they are consecutive and plain, else None."""
     start = 0 if data.startswith(keyword) else data.find(b"\n" + keyword) + 1

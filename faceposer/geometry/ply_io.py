@@ -25,6 +25,7 @@ _TYPES = {
 _ENDIANS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MAX_HEADER = 1 << 16
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+_COLOUR_NAMES = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 _MAX_CORNERS = 255
 #: Limit on the entries of a table of lists, which is as wide as the longest list.
 _MAX_ENTRIES = 1 << 28
@@ -78,7 +79,7 @@ def write_ply(
 
 
 def read_ply(path: Path) -> PolygonMesh:
-    """Read the mesh in the PLY file ``path``, with texture coordinates of vertices or face corners.
+    """Read the mesh in the PLY file ``path``, with colours of vertices, and texture coordinates of these or of face corners.
 
     Source: G. Turk, The PLY Polygon File Format (1994).
 
@@ -273,7 +274,25 @@ def _mesh(columns: dict[tuple[str, str], NDArray[Any]]) -> PolygonMesh:
         ends = np.cumsum(lengths).tolist()
         polygon_uvs = pad_polygons([tuple(range(end - n, end)) for end, n in zip(ends, lengths.tolist(), strict=True)])
     normals = _table(columns, ("nx", "ny", "nz"))
-    return PolygonMesh(vertices, faces, uv, polygon_uvs, np.zeros((0, 3)) if normals is None else normals)
+    return PolygonMesh(
+        vertices,
+        faces,
+        uv,
+        polygon_uvs,
+        np.zeros((0, 3)) if normals is None else normals,
+        colours=_colours(columns),
+    )
+
+
+def _colours(columns: dict[tuple[str, str], NDArray[Any]]) -> NDArray[np.float64]:
+    """Return the colours of the vertices, 0 to 255, shape (N, 3), or (0, 3) if there are none."""
+    for names in _COLOUR_NAMES:
+        found = _table(columns, names)
+        if found is not None and np.isfinite(found).all():
+            # Whole numbers are bytes; others, and those of text, are shares if none is larger than 1.
+            shares = columns["vertex", names[0]].dtype.kind == "f" and found.max(initial=0.0) <= 1.0
+            return np.clip(found * (255.0 if shares else 1.0), 0.0, 255.0)
+    return np.zeros((0, 3))
 
 
 def _table(columns: dict[tuple[str, str], NDArray[Any]], names: tuple[str, ...]) -> NDArray[np.float64] | None:

@@ -40,6 +40,7 @@ class PolygonMesh:
         normals: Normals as listed in the file, shape (M, 3); empty if there are none.
         groups: Groups in the order of their faces; faces between them belong to no group.
         libraries: Names of the material libraries of an OBJ file.
+        colours: Colours of the vertices, 0 to 255, shape (N, 3); empty if the file has none, or they are not read.
     """
 
     vertices: NDArray[np.float64]
@@ -49,6 +50,7 @@ class PolygonMesh:
     normals: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     groups: tuple[Group, ...] = ()
     libraries: tuple[str, ...] = ()
+    colours: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
 
     def triangles(self) -> NDArray[np.int32]:
         """Return the faces split into triangle fans, shape (T, 3)."""

@@ -79,7 +79,7 @@ def draw(mesh: PaintedMesh, camera: Camera) -> Drawing:
     """Return the picture of ``mesh`` from ``camera``."""
     width, height = camera.size
     pixels, depths = camera.project(mesh.vertices), camera.to_camera(mesh.vertices)[:, 2]
-    faces, weights = _visible(pixels, depths, mesh.triangles, (width, height))
+    faces, weights = visible_triangles(pixels, depths, mesh.triangles, (width, height))
     covered = np.flatnonzero(faces >= 0)
     corners = mesh.triangles[faces[covered]]
     shares = weights[covered]
@@ -103,7 +103,7 @@ def draw(mesh: PaintedMesh, camera: Camera) -> Drawing:
     )
 
 
-def _visible(pixels: Array, depths: Array, triangles: Ints, size: tuple[int, int]) -> tuple[NDArray[np.int64], Array]:
+def visible_triangles(pixels: Array, depths: Array, triangles: Ints, size: tuple[int, int]) -> tuple[NDArray[np.int64], Array]:
     """Return the frontmost triangle at each pixel of an image of ``size``, or -1, and the weights of its corners there.
 
     Args:

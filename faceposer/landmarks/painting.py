@@ -66,7 +66,8 @@ def painted_file(mesh: PolygonMesh, textures: Mapping[str, bytes]) -> PaintedMes
             image_of[slice(*group.polygons)] = names.index(group.material)
     images = tuple(textures.values())
     uvs = mesh.polygon_uvs if len(mesh.polygon_uvs) == len(mesh.polygons) else np.zeros((0, 3), dtype=np.int32)
-    return _painted(mesh.vertices, mesh.polygons, mesh.uv, uvs, image_of, images, np.array(PLAIN))
+    colours = mesh.colours if len(mesh.colours) == len(mesh.vertices) else np.array(PLAIN)
+    return _painted(mesh.vertices, mesh.polygons, mesh.uv, uvs, image_of, images, colours)
 
 
 def _painted(

@@ -1,17 +1,24 @@
 """Meshes with their colours from files."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.reading import read_bytes
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
+from faceposer.geometry.obj_io import read_obj_colours
 from faceposer.geometry.mtl_io import read_obj_textures
+from faceposer.geometry.polygon_mesh import Group
+from faceposer.geometry.texture_images import UnusableImageError, file_in, texture_image
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.painting import painted_character, painted_file
 from faceposer.model.character_file import available_characters, load_character
+
+_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".bmp")
 
 
 def is_mesh(what: str) -> bool:
@@ -37,7 +44,23 @@ def read_painted(what: str) -> PaintedMesh:
         textures = dict(read_gltf(path).textures)
     elif suffix == ".obj":
         textures, _ = read_obj_textures(path, mesh)
+        if not textures:
+            mesh = replace(mesh, colours=read_obj_colours(path, len(mesh.vertices)))
+    if not textures and len(mesh.uv) and (image := _image_beside(path)) is not None:
+        mesh = replace(mesh, groups=(Group("", (0, len(mesh.polygons)), "scan"),))
+        textures = {"scan": image}
     painted = painted_file(mesh, textures)
     if not len(painted.triangles) or not np.isfinite(painted.vertices).all():
         raise FacePoserError(f"The mesh '{path}' has no faces; choose a file with a surface.")
     return painted
+
+
+def _image_beside(path: Path) -> bytes | None:
+    """Return the image with the name of the mesh ``path``, as scans have that name no material, or None."""
+    for suffix in _IMAGE_SUFFIXES:
+        try:
+            image = file_in(path.parent, path.stem + suffix)
+            return texture_image(read_bytes(image), image.name)
+        except (OSError, FacePoserError, UnusableImageError):
+            continue
+    return None
