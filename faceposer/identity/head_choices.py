@@ -1,4 +1,4 @@
-"""Heads as commands and programs ask for them: by seeds, values of attributes, and names of skins, which are checked."""
+"""Heads as commands and programs ask for them, by values of attributes and names of skins, which are checked."""
 
 import dataclasses
 import difflib
@@ -7,7 +7,8 @@ from collections.abc import Collection, Mapping
 
 from faceposer.errors import FacePoserError, short_name
 from faceposer.identity.attributes import ETHNICITIES, HeadAttributes
-from faceposer.identity.editing import GROTESQUE, HeadEditor
+from faceposer.identity.caricature import GROTESQUE
+from faceposer.identity.editing import HeadEditor
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
@@ -119,9 +120,9 @@ def _named_skin(editor: HeadEditor, identity: Identity, choice: str) -> SkinText
 
 
 def mixed_heads(editor: HeadEditor, one: Identity, other_editor: HeadEditor, other: Identity, share: float) -> Identity:
-    """Return the head on the line from ``one``, a head of ``editor``, at ``share`` 0, to ``other``, at 1; with its skin.
+    """Return the head on the line from ``one``, a head of ``editor``, at ``share`` 0, to ``other``, at 1.
 
-    Where characters have skins of their own, which differ, the mixture has the one of the model that is most like them.
+    Skins are mixed, too: instead of differing images of the characters, the skins of the model most like them.
     """
     if one.texture is None and other.texture is None:
         images = [each.character.textures.get("skin") for each in (editor, other_editor)]
