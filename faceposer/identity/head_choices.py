@@ -108,6 +108,37 @@ def with_skin(
     return dataclasses.replace(identity, texture=texture)
 
 
+def changed_head(
+    editor: HeadEditor,
+    identity: Identity,
+    caricature: float = 1.0,
+    values: Mapping[str, float] | None = None,
+    skin: str | None = None,
+    tone: float | None = None,
+    seed: int = 0,
+) -> Identity:
+    """Return a head as a caricature, then with other attributes, and last with another skin.
+
+    Args:
+        editor: Editor of the character.
+        identity: A head.
+        caricature: Factor on the deviation from the average.
+        values: Values by name of attribute.
+        skin: As for ``with_skin``.
+        tone: As for ``with_skin``.
+        seed: Seed of a random skin, and of the pattern of asymmetry.
+
+    Raises:
+        FacePoserError: If an attribute or the skin does not exist, or a value is out of range.
+    """
+    wanted = checked_values(editor.attributes, values or {})
+    if caricature != 1.0:
+        identity = identity.scaled(caricature)
+    if wanted:
+        identity = editor.with_attributes(identity, wanted, seed=seed)
+    return with_skin(editor, identity, skin, tone, seed)
+
+
 def _named_skin(editor: HeadEditor, identity: Identity, choice: str) -> SkinTexture:
     names = skin_names()
     skins = load_texture_model().skins

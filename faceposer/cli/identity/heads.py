@@ -126,13 +126,11 @@ def changed_head(options: argparse.Namespace, head: OpenedHead, values: dict[str
     Raises:
         FacePoserError: If an attribute or the skin does not exist, or a value is out of range.
     """
-    from faceposer.identity.head_choices import checked_values, with_skin
+    from faceposer.identity import head_choices
 
-    wanted = checked_values(head.editor.attributes, values)
-    identity = head.identity if options.caricature == 1.0 else head.identity.scaled(options.caricature)
-    if wanted:
-        identity = head.editor.with_attributes(identity, wanted, seed=seed)
-    return with_skin(head.editor, identity, options.texture, options.tone, seed)
+    return head_choices.changed_head(
+        head.editor, head.identity, options.caricature, values, options.texture, options.tone, seed
+    )
 
 
 def write_head(options: argparse.Namespace, editor: "HeadEditor", identity: "Identity") -> None:
