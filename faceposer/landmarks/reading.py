@@ -10,8 +10,8 @@ from faceposer.files import paths
 from faceposer.files.reading import read_bytes
 from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
-from faceposer.geometry.obj_io import read_obj_colours
 from faceposer.geometry.mtl_io import read_obj_textures
+from faceposer.geometry.obj_io import read_obj_colours
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.geometry.texture_images import UnusableImageError, file_in, texture_image
 from faceposer.landmarks.drawing import PaintedMesh

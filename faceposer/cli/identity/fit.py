@@ -60,8 +60,8 @@ def run(options: argparse.Namespace) -> int:
     from faceposer.landmarks.overlay import write_picture
     from faceposer.model.character_file import save_character
 
-    marked = [read_scan_landmarks(Path(path)) for path in options.landmarks] or [None] * len(options.scans)
-    scans = [read_scan(path, landmarks) for path, landmarks in zip(options.scans, marked, strict=True)]
+    marked = [read_scan_landmarks(Path(path)) for path in options.landmarks]
+    scans = [read_scan(path, marked[number] if marked else None) for number, path in enumerate(options.scans)]
     line = ProgressLine()
     try:
         made = head_from_scans(scans, options.detail, options.texture, line.progress)
@@ -69,9 +69,7 @@ def run(options: argparse.Namespace) -> int:
         line.clear()
     name = options.name or options.output.stem
     credits = f"Made from {counted(len(scans), 'scan')}: {', '.join(scan.name for scan in scans)}."
-    character = character_of(
-        made.skin, name=name, title=options.title or name, textures=made.textures, credits=credits
-    )
+    character = character_of(made.skin, name=name, title=options.title or name, textures=made.textures, credits=credits)
     save_character(options.output, character)
     report = made.report
     print(

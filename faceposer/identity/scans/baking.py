@@ -33,7 +33,7 @@ _LARGEST_IMAGE = 4096
 _FARTHEST, _LEAST_COSINE = 0.3, 0.5
 # Trust in the scan below which its colours are not taken.
 _LEAST_TRUST = 0.05
-# Longest edge of a triangle of the scan in the layout, as a share of its side, by its length on the head in centimetres.
+# Longest edge of a triangle of the scan in the layout, as a share of its side, per centimetre.
 _STRETCH = 0.2
 # Width of the fading at the border of the scan, in pixels, and pixels of it that are left out.
 _FADE, _LEFT_OUT = 28.0, 4.0
@@ -86,7 +86,8 @@ def baked_layer(
     places = np.einsum("nc,ncd->nd", points.barycentric, uv[corner_uvs[points.faces]])
     triangles = np.asarray(mesh.triangles)
     vertices = np.asarray(scan.vertices)
-    edges, lengths = (np.linalg.norm(v[triangles] - v[np.roll(triangles, 1, axis=1)], axis=2) for v in (places, vertices))
+    onward = np.roll(triangles, 1, axis=1)
+    edges, lengths = (np.linalg.norm(v[triangles] - v[onward], axis=2) for v in (places, vertices))
     stretched = (edges > _STRETCH * np.maximum(lengths, 0.02)).any(axis=1)
     kept = np.flatnonzero(good[triangles].all(axis=1) & ~stretched)
     pixels = np.stack([places[:, 0], 1.0 - places[:, 1]], axis=1) * _SIDE
@@ -132,9 +133,11 @@ def _factors(colours: Image32, share: Image32, under: Image32) -> Image32:
     weights = _reduced(share[..., None], step)[..., 0]
     known = np.maximum(weights, 1e-6)[..., None]
     ours, theirs = (_reduced(image * share[..., None], step) / known for image in (colours, under))
-    logs = np.log(np.maximum(ours, 2.0) / np.maximum(theirs, 2.0))
+    logs = np.log(np.maximum(ours, 2.0) / np.maximum(theirs, 2.0)).astype(np.float32)
     # Lips and brows of the two do not lie on each other: differences of detail are no differences of tone.
-    logs = np.clip(logs, *np.quantile(logs[weights > 0.5], (0.05, 0.95), axis=0)) if (weights > 0.5).any() else logs
+    if (weights > 0.5).any():
+        low, high = np.quantile(logs[weights > 0.5], (0.05, 0.95), axis=0).astype(np.float32)
+        logs = np.clip(logs, low, high)
     filled = _pulled_and_pushed(logs, np.minimum(weights, 1.0))
     zoom = ndimage.zoom(filled, (step, step, 1), order=1, grid_mode=True, mode="nearest")
     factors: Image32 = np.clip(np.exp(zoom), *_FACTORS).astype(np.float32)
