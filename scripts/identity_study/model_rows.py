@@ -112,8 +112,9 @@ def attribute_rows(n: int) -> Iterator[dict[str, Any]]:
             found.character, found.of = max(
                 (found.character, found.of), _most(shown, _measured(editor, changed), ranges, stay[name])
             )
-            held = editor.measure(editor.with_attributes(head, {name: value}, names))
-            found.held = max(found.held, _most(before, held, ranges, _to_stay(attributes, name, held=True))[0])
+            if attributes[name].group == PERSON:
+                after = editor.measure(editor.with_attributes(head, {name: value}, names))
+            found.held = max(found.held, _most(before, after, ranges, _to_stay(attributes, name, held=True))[0])
     seconds = (time.perf_counter() - began) / (n * len(names))
     worst = max(names, key=lambda name: largest[name].character)
     for name, label in [*((name, name) for name in names), (worst, f"worst: {worst}")]:
