@@ -20,7 +20,7 @@ from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.template import HeadTemplate, head_template
-from faceposer.identity.texture_model import load_texture_model
+from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 # Largest and least standard deviation in centimetres of what a character's own head has outside the statistics, per
 # coordinate, number of vertices in which that counts as independent, and rounds in which it is estimated.
 _NOISE, _LEAST_NOISE, _INDEPENDENT, _ROUNDS = 0.3, 0.005, 200, 5
+# Natural range of the labels of skins.
+_NATURAL_LABELS = (-1.0, 1.0)
 # Quality of the encoded textures.
 _QUALITY = 90
 #: Multiples of the deviation from the average at which a caricature becomes grotesque.
@@ -249,7 +251,11 @@ class HeadEditor:
         if data is None:
             return SkinTexture((0.0,) * model.n_coefficients)
         picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
-        return SkinTexture(tuple(model.project(picture).tolist()), self._usual_layers(self.own))
+        found = np.clip(model.project(picture), -LIMIT, LIMIT)
+        for name in ("age", "gender"):
+            # Painted skins are outside what the model has seen.
+            found = model.with_label(found, name, float(np.clip(model.label(found, name), *_NATURAL_LABELS)))
+        return SkinTexture(tuple(found.tolist()), self._usual_layers(self.own))
 
     def random_texture(self, seed: int, identity: Identity) -> SkinTexture:
         """Return a random skin that fits the age and gender of ``identity``, reproducible by ``seed``."""
@@ -257,7 +263,7 @@ class HeadEditor:
         drawn = model.sample(seed)[0]
         values = self.measure(identity)
         for name in ("age", "gender"):
-            drawn = model.with_label(drawn, name, float(np.clip(values[name], -1.0, 1.0)))
+            drawn = model.with_label(drawn, name, float(np.clip(values[name], *_NATURAL_LABELS)))
         return SkinTexture(tuple(drawn.tolist()), self._usual_layers(identity))
 
     def _usual_layers(self, identity: Identity) -> SkinLayers:

@@ -17,6 +17,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.preferences.feature import PreferencesFeature
     from faceposer.gui.features.range_marks.feature import RangeMarksFeature
     from faceposer.gui.features.recovery.feature import RecoveryFeature
+    from faceposer.gui.features.scan.feature import ScanFeature
     from faceposer.gui.features.sketch.feature import SketchFeature
     from faceposer.gui.features.timeline.feature import TimelineFeature
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
@@ -31,6 +32,7 @@ def build_features(context: EditorContext) -> Features:
         AnimationFilesFeature,
         TransferFeature,
         ImportCharacterFeature,
+        ScanFeature,
         ExportFeature,
         RangeMarksFeature,
         SketchFeature,

@@ -1,6 +1,6 @@
 """Landmarks of a scan from the file that ``faceposer landmarks`` writes (docs/landmarks.md), as it is or edited."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -74,13 +74,30 @@ def _landmarks_of(data: Any) -> ScanLandmarks:
 
 def _moved(points: Array, spread: Array, known: NDArray[np.bool_], features: dict[str, Array]) -> dict[str, Array]:
     """Return the ``features`` that do not lie where the ``points`` imply."""
+    landmarks = ScanLandmarks(points, spread, {})
+    implied = implied_features(landmarks, features)
+    scale = float(align(points[known], reference().places[known]).scale)
+    return {
+        name: features[name]
+        for name, place in implied.items()
+        if scale * np.linalg.norm(features[name] - place) > _MOVED
+    }
+
+
+def implied_features(landmarks: ScanLandmarks, names: Iterable[str]) -> dict[str, Array]:
+    """Return where the 468 points imply that the feature points ``names`` are, by name, in the scan's unit and axes.
+
+    Names that the built-in man does not have are left out.
+    """
     man = load_character("man")
-    names = [name for name in features if name in man.feature_points]
-    if not names:
+    listed = [name for name in names if name in man.feature_points]
+    if not listed:
         return {}
+    points = landmarks.points
+    known = np.isfinite(points).all(axis=1)
     frame = align(points[known], reference().places[known])
     nothing = PaintedMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
-    found = MeshLandmarks(nothing, points, known.astype(np.int64), spread, np.full((2, 3), np.nan), 1.0, frame, ())
-    implied = bent(found, man.vertices[[man.feature_points[name] for name in names]].astype(np.float64))
-    apart = float(frame.scale) * np.linalg.norm(np.stack([features[name] for name in names]) - implied, axis=1)
-    return {name: features[name] for name, distance in zip(names, apart, strict=True) if distance > _MOVED}
+    pupils = np.full((2, 3), np.nan)
+    found = MeshLandmarks(nothing, points, known.astype(np.int64), landmarks.spread, pupils, 1.0, frame, ())
+    places = bent(found, man.vertices[[man.feature_points[name] for name in listed]].astype(np.float64))
+    return dict(zip(listed, places, strict=True))

@@ -1,9 +1,11 @@
 """The tab of the head and its tool, driven by pointer and keys alone."""
 
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.gui.features.head.feature import HeadFeature
@@ -129,6 +131,33 @@ def test_heads_are_mixed(robot: Robot) -> None:
         return float(np.linalg.norm(laid - mixed, axis=1).mean())
 
     assert distance(woman) < 0.1 * distance(before)
+
+
+def test_the_skin_is_edited(robot: Robot) -> None:
+    own = robot.app.session.model.character.textures["skin"]
+    robot.move(robot.app.widget_rects.center("head:age"))
+    robot.wheel(-60.0)
+    robot.frames(3)
+    robot.click_widget("head:edit-skin")
+    robot.frames(3)
+    texture = feature(robot).identity.texture
+    assert texture is not None
+    edited = robot.app.session.model.character.textures["skin"]
+    assert edited != own
+    slide(robot, "head:tone", 0.9)
+    after = feature(robot).identity.texture
+    assert after is not None
+    assert after.coefficients[0] > texture.coefficients[0] + 0.5
+    assert robot.app.session.undo_label == "Set tone"
+    darker = robot.app.session.model.character.textures["skin"]
+    assert _brightness(darker) < 0.9 * _brightness(edited)
+    robot.key("Ctrl+Z")
+    robot.key("Ctrl+Z")
+    assert robot.app.session.model.character.textures["skin"] == own
+
+
+def _brightness(encoded: bytes) -> float:
+    return float(np.asarray(Image.open(io.BytesIO(encoded)).convert("L").resize((64, 64)))[20:44, 20:44].mean())
 
 
 def test_dragging_changes_the_head_and_not_the_pose(robot: Robot) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec4, imgui
 
-from faceposer.gui.widgets.basic import caption, fitted_button, heading
+from faceposer.gui.widgets.basic import button_width, caption, fitted_button, heading
 from faceposer.gui.widgets.sliders import row_label, slider
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.skin_layers import BROW_STYLES, HAIR_STYLES
@@ -35,7 +35,7 @@ def draw_skin(head: "HeadFeature", editor: "HeadEditor") -> None:
     if texture is None:
         caption("The character has its own skin.")
         tip = "Replace the skin by one of the model that is most like it, whose tone, brows and hair can change"
-        if fitted_button(context.widget_rects, "Edit the skin", "head:edit-skin", -1.0, tip):
+        if fitted_button(context.widget_rects, "Edit the skin", "head:edit-skin", button_width(1), tip):
             head.set_identity(replace(head.identity, texture=editor.own_texture()), "Edit the skin")
         return
     model = load_texture_model()
