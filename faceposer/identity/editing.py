@@ -16,6 +16,7 @@ from faceposer.identity.attributes import PERSON, load_attributes
 from faceposer.identity.eye_colour import eye_texture, random_eye_colour
 from faceposer.identity.head import HeadMaker
 from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.skin_layers import SkinLayers, random_layers
@@ -26,9 +27,9 @@ from faceposer.model.face_model import FaceModel
 
 Array = NDArray[np.float64]
 
-# Standard deviation in centimetres of each coordinate, and number of vertices that count as independent, in the
-# projection of a character's own head, which is not from the statistics.
-_NOISE, _INDEPENDENT = 0.3, 200
+# Largest and least standard deviation in centimetres of what a character's own head has outside the statistics, per
+# coordinate, number of vertices in which that counts as independent, and rounds in which it is estimated.
+_NOISE, _LEAST_NOISE, _INDEPENDENT, _ROUNDS = 0.3, 0.005, 200, 5
 # Natural range of the labels of skins.
 _NATURAL_LABELS = (-1.0, 1.0)
 #: Multiples of the deviation from the average at which a caricature becomes grotesque.
@@ -68,9 +69,7 @@ class HeadEditor:
         control = template.control(aligned)
         # What a subdivided mesh cannot have, as at the edges of the lids.
         self._fine = aligned - template.skin(control)
-        noise = _NOISE * float(np.sqrt(weights.sum() / _INDEPENDENT))
-        found = self.model.project(control, weights, noise).coefficients
-        rows = np.tile(found, (len(self.segments.names), 1))
+        rows = np.tile(_coefficients(self.model, control, weights), (len(self.segments.names), 1))
         self.own = Identity.of(rows, control - self.model.vertices(rows))
 
     @property
@@ -302,6 +301,19 @@ class HeadEditor:
                 f"The identity has coefficients of shape {identity.shape.shape} and {len(identity.detail_steps)} "
                 f"places of detail instead of {expected} and {n}; it was made with another version of the model."
             )
+
+
+def _coefficients(model: IdentityModel, control: Array, weights: Array) -> Array:
+    """Return the coefficients of a head, shape (K,), with the noise that its own residual suggests.
+
+    Heads made by the model so get back the coefficients that they were made from, and those of other sources no more
+    than the statistics explain.
+    """
+    noise = _NOISE
+    for _ in range(_ROUNDS):
+        found = model.project(control, weights, noise * float(np.sqrt(weights.sum() / _INDEPENDENT)))
+        noise = min(max(found.residual / np.sqrt(3.0), _LEAST_NOISE), _NOISE)
+    return found.coefficients
 
 
 @lru_cache(maxsize=4)
