@@ -18,6 +18,7 @@ from faceposer.cli import (
     demo,
     evaluate,
     export,
+    keys,
     landmarks,
     photo,
     render,
@@ -60,6 +61,7 @@ COMMANDS: tuple[Command, ...] = (
     character,
     animate,
     transfer,
+    keys,
     photo,
     landmarks,
     sketch,
@@ -86,6 +88,7 @@ examples:
                                              animate a face by the trajectories of a few points
   faceposer transfer smile.json woman -o her-smile.json
                                              transfer an expression or an animation to another character
+  faceposer keys init man creature -o keys   begin pairs of key poses, by which expressions are transferred
   faceposer photo woman face.jpg --pins pins.json -o face.json
                                              pose a face from a photo
   faceposer landmarks face.jpg -o points.json
