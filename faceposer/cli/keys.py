@@ -279,11 +279,11 @@ def _coverage(transfer: "ExampleTransfer", take: Path, count: int, keys: "KeyFol
     covered = coverage(transfer, poses)
     worst = int(covered.distances.argmax())
     helpful = helpful_frames(transfer, poses, count)
+    mean, most = 10.0 * covered.distances.mean(), 10.0 * covered.distances[worst]
     print(
         f"{take}: {counted(len(poses), 'frame')}; the keys miss {100 * covered.missed:.2f} % of the motion. The "
-        f"feature points are {10 * covered.distances.mean():.2f} mm from the nearest combination of keys on average, at most "
-        f"{10 * covered.distances[worst]:.2f} mm in frame {worst}, and keys are exaggerated up to "
-        f"{covered.strengths.max():.1f} times."
+        f"feature points are {mean:.2f} mm from the nearest combination of keys on average, at most {most:.2f} mm in "
+        f"frame {worst}, and keys are exaggerated up to {covered.strengths.max():.1f} times."
     )
     for frame in helpful:
         print(f"  frame {frame.frame} as a key leaves {100 * frame.missed:.2f} % missed")

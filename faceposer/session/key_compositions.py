@@ -84,7 +84,8 @@ class _Face:
         if self.model is not None and inverse is not None:
             flat = self.model.basis @ moved.astype(np.float32).ravel()
             pose = pose_of(self.model, inverse @ flat.astype(np.float64), title, (COMPOSED,))
-            write_pose(self._folder / f"{name}.json", pose)
+            # Compositions can be made again: hundreds of files need not be flushed one by one.
+            write_pose(self._folder / f"{name}.json", pose, durable=False)
             return
         origin = self.character.origin
         assert origin is not None

@@ -20,8 +20,7 @@ from faceposer.session.key_folder import KeyFolder
 from faceposer.session.key_proposals import Proposal, make_proposer, proposed
 from faceposer.session.keys import key_displacements, load_keys
 from faceposer.session.opening import load_model, open_session
-from faceposer.transfer.examples import ExampleTransfer, KeyPair
-from faceposer.transfer.key_coverage import HelpfulFrame, helpful_frames
+from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
 
 Array = NDArray[np.float64]
 
@@ -105,35 +104,19 @@ def choose_keys(
         )
     model, target = load_model(folder.character("source")), load_model(folder.character("target"))
     poses = read_performance(take, model).performance.coefficients
-    taken = {entry.name for entry in folder.entries()}
-    first: list[tuple[str, HelpfulFrame]] = []
+    files = folder.entries()
+    taken = {entry.name for entry in files}
+    present = load_keys(folder, source=model).transfer.pairs if files else ()
+    keys = np.array([pair.source for pair in present]).reshape(len(present), model.n_coefficients)
     proposer = make_proposer(model, target)
-
-    def write(helpful: HelpfulFrame) -> None:
+    added: list[tuple[str, HelpfulFrame]] = []
+    for helpful in chosen_frames(model, keys, poses, count, folder.points, folder.regions):
+        progress.check()
         name = f"{safe_stem(take.stem)[:40]} {helpful.frame}"
         while safe_stem(name) in taken:
             name += "b"
         pose = pose_of(model, poses[helpful.frame], name, ("frame",))
-        stem = folder.add(pose, proposed(model, target, proposer, pose))
-        taken.add(stem)
-        first.append((stem, helpful))
-        progress.at("Adding keys", len(first) / count)
-
-    if taken:
-        transfer = load_keys(folder, source=model).transfer
-    else:
-        start = farthest_frame(model, poses)
-        transfer = ExampleTransfer(model, model, [KeyPair("first", poses[start], poses[start])])
-        write(HelpfulFrame(start, 1.0))
-    for helpful in helpful_frames(transfer, poses, count - len(first)):
-        progress.check()
-        write(helpful)
-    return first
-
-
-def farthest_frame(model: FaceModel, poses: Array) -> int:
-    """Return the frame of ``poses``, (m, r), whose feature points are farthest from the neutral face."""
-    from faceposer.transfer.key_parameters import parameter_points, point_rows
-
-    moved = poses @ point_rows(model, parameter_points(model.character)).T
-    return int(np.argmax(np.einsum("mn,mn->m", moved, moved)))
+        added.append((folder.add(pose, proposed(model, target, proposer, pose)), helpful))
+        taken.add(added[-1][0])
+        progress.at("Adding keys", len(added) / count)
+    return added

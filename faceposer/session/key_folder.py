@@ -20,7 +20,7 @@ from faceposer.poses.library import safe_stem
 from faceposer.poses.pose_file import Pose, checked_name, read_pose, write_pose
 from faceposer.session.document import absolute_character, portable_character
 from faceposer.transfer.examples import MOST_KEYS
-from faceposer.transfer.key_parameters import Regions
+from faceposer.transfer.key_parameters import THRESHOLD, Regions
 
 FORMAT, VERSION = "faceposer.keys", 1
 #: Name of the file that describes a folder of keys.
@@ -40,6 +40,7 @@ class _KeysFile(JsonDocument):
     target: _Name
     regions: Regions = "whole"
     points: Annotated[tuple[_Name, ...], Meta(min_length=1, max_length=200)] | None = None
+    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] = THRESHOLD
     expressions: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
     visemes: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
 
@@ -71,6 +72,7 @@ class KeyFolder:
         points: Feature points of the source that give the parameters; None for all.
         expressions: Names of the emotional keys, beside the poses with the tag "expression".
         visemes: Names of the verbal keys, beside the poses with the tag "viseme".
+        threshold: Share of the largest variance of the keys below which directions are dropped.
     """
 
     folder: Path
@@ -80,6 +82,7 @@ class KeyFolder:
     points: tuple[str, ...] | None = None
     expressions: tuple[str, ...] = ()
     visemes: tuple[str, ...] = ()
+    threshold: float = THRESHOLD
 
     @classmethod
     def read(cls, folder: Path) -> "KeyFolder":
@@ -104,8 +107,16 @@ class KeyFolder:
         """
         check_header(data, FORMAT, VERSION)
         form = convert(data, _KeysFile)
-        points = None if form.points is None else tuple(form.points)
-        return cls(folder, form.source, form.target, form.regions, points, tuple(form.expressions), tuple(form.visemes))
+        return cls(
+            folder,
+            form.source,
+            form.target,
+            form.regions,
+            form.points,
+            form.expressions,
+            form.visemes,
+            form.threshold,
+        )
 
     def write(self) -> None:
         """Write the description of the folder, which is created if necessary.
@@ -116,6 +127,8 @@ class KeyFolder:
         data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "source": self.source, "target": self.target}
         if self.regions != "whole":
             data["regions"] = self.regions
+        if self.threshold != THRESHOLD:
+            data["threshold"] = self.threshold
         for name in ("points", "expressions", "visemes"):
             if getattr(self, name):
                 data[name] = list(getattr(self, name))
@@ -204,13 +217,14 @@ class KeyFolder:
                 kinds[entry.name] = kind
         return kinds
 
-    def add(self, source: Pose, target: Pose | None, replace: bool = False) -> str:
+    def add(self, source: Pose, target: Pose | None, replace: bool = False, durable: bool = True) -> str:
         """Write a pair of poses, named as ``source``, and return the name of its files.
 
         Args:
             source: Pose of the source.
             target: Pose of the target; None to leave it to the artist.
             replace: Replace a key of this name.
+            durable: See ``atomic_file``.
 
         Raises:
             FacePoserError: If the name is taken and ``replace`` is False, or a file cannot be written.
@@ -220,9 +234,9 @@ class KeyFolder:
             if not replace:
                 raise FacePoserError(f"'{self.folder}' already has a key '{name}'; choose another name, or replace it.")
             self.remove(name)
-        write_pose(self.folder / "source" / f"{name}.json", source)
+        write_pose(self.folder / "source" / f"{name}.json", source, durable)
         if target is not None:
-            write_pose(self.folder / "target" / f"{name}.json", target)
+            write_pose(self.folder / "target" / f"{name}.json", target, durable)
         return name
 
     def remove(self, name: str) -> None:

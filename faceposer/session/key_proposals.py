@@ -82,7 +82,7 @@ def create_keys(
                 if answer is None:
                     proposer = proposer or make_proposer(face, other, proposal)
                     answer = proposed(face, other, proposer, pose)
-            keys.add(_on(face, pose), answer)
+            keys.add(_on(face, pose), answer, durable=False)
             progress.at("Proposing keys", (i + 1) / len(chosen))
     return replace(keys, folder=folder)
 

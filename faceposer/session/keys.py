@@ -72,6 +72,7 @@ def load_keys(
         [KeyPair(entry.name, key, pose) for entry, key, pose in zip(files, sources, rest, strict=True)],
         folder.points,
         regions or folder.regions,
+        folder.threshold,
     )
     note = ""
     if errors:

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 Regions = Literal["whole", "halves", "parts"]
 REGIONS: tuple[Regions, ...] = get_args(Regions)
 
-#: Eigenvalues of the covariance below this share of the largest are dropped. The paper's threshold, 1e-5, is in the
-#: square of a unit that it does not state.
-THRESHOLD = 1e-9
+#: Eigenvalues of the covariance below this share of the largest are dropped. The paper's threshold has the same value,
+#: in the square of a unit that it does not state. Much smaller ones exaggerate small differences between keys.
+THRESHOLD = 1e-5
 
 #: The feature points of the paper's figure 7, as nearly as the names of MPEG-4 allow: 20 points of mouth, eyes, brows,
 #: chin and cheeks.

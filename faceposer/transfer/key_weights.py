@@ -47,7 +47,8 @@ class KeyWeights:
         if count < 2:
             raise ValueError("two keys or more are needed")
         distances = _distances(self.places, self.places)
-        self._linear: Array = np.linalg.lstsq(_affine(self.places), np.eye(count), rcond=None)[0]
+        linear = np.linalg.lstsq(_affine(self.places), np.eye(count), rcond=None)[0]
+        self._linear = np.asarray(linear, dtype=np.float64)
         residual = np.eye(count) - _affine(self.places) @ self._linear
         apart = distances + np.diag(np.full(count, np.inf))
         self.dilations: Array = np.asarray(apart.min(axis=1), dtype=np.float64)
