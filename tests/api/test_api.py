@@ -449,3 +449,19 @@ def test_a_key_holds_the_solved_pose() -> None:
     assert keyed.performance is not None
     assert np.abs(keyed.coefficients).max() > 1e-3
     np.testing.assert_allclose(keyed.coefficients, solved.coefficients, atol=1e-9)
+
+
+def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
+    from faceposer.session.key_proposals import create_keys
+    from faceposer.session.keys import load_keys
+
+    keys = create_keys(tmp_path / "keys", "low", "low")
+    face = faceposer.load("low")
+    face.apply_pose("Happiness")
+    clone = face.transfer_to("low", "examples", keys=keys.folder)
+    key = next(pair for pair in load_keys(keys).transfer.pairs if pair.name == "happiness")
+    np.testing.assert_allclose(clone.vertices, face.session.model.surface(key.target), atol=2e-3)
+    with pytest.raises(FacePoserError, match="needs 'keys'"):
+        face.transfer_to("low", "examples")
+    with pytest.raises(FacePoserError, match="not for 'man'"):
+        face.transfer_to("man", "examples", keys=keys.folder)
