@@ -23,6 +23,8 @@ NAME = "transfer"
 
 # Number of characters at the start of a file that contain its format name.
 _HEAD = 4096
+# Share of the motion, in squares, and weight of a key, from which a source is outside the keys.
+_MUCH_MISSED, _STRONG = 0.05, 3.0
 # Frame rate of a single pose, which has none of its own.
 _DEFAULT_RATE = 60.0
 
@@ -127,11 +129,15 @@ def run(options: argparse.Namespace) -> int:
         target = load_model(options.target)
         transfer = make_transfer(source.model, target, options.method, pairs, options.scaling)
     if suffix == ".json" and source.document is not None:
+        if options.method == "examples":
+            _tell_reach(options.keys, transfer, source.still)
         _write_session(options, source, transfer, target)
         return 0
     # For a session, a single pose is the one that it shows, not the first of its animation.
     performance = source.still if not holds_animation and source.document is not None else source.performance
     moving = len(performance) > 1
+    if options.method == "examples":
+        _tell_reach(options.keys, transfer, performance)
     if moving and not holds_animation:
         raise FacePoserError(
             f"The source has {counted(len(performance), 'frame')}, but a '{suffix}' file holds one; choose a "
@@ -182,6 +188,25 @@ def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[Tra
     loaded = load_keys(keys, "weights" if suffix in (".json", ".csv") else "auto", options.regions, source)
     print_notes(options.keys, loaded.notes)
     return loaded.transfer, loaded.transfer.target
+
+
+def _tell_reach(keys: Path, transfer: "Transfer", performance: "Performance") -> None:
+    """Print a note if frames are far outside the keys."""
+    from faceposer.cli.opening import print_notes
+    from faceposer.transfer.examples import ExampleTransfer
+    from faceposer.transfer.key_coverage import coverage
+
+    assert isinstance(transfer, ExampleTransfer)
+    reach = coverage(transfer, performance.coefficients)
+    if reach.missed > _MUCH_MISSED or reach.strengths.max() > _STRONG:
+        worst = int(reach.distances.argmax())
+        where = f" in frame {worst}" if len(performance) > 1 else ""
+        print_notes(
+            keys,
+            f"The source is outside the keys: they miss {100 * reach.missed:.0f} % of its motion, up to "
+            f"{10 * reach.distances[worst]:.1f} mm{where}, and are exaggerated up to {reach.strengths.max():.1f} "
+            "times; 'keys check --on' names frames that would help as keys.",
+        )
 
 
 @dataclass(frozen=True, eq=False)

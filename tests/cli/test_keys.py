@@ -94,6 +94,23 @@ def test_a_mesh_without_shapes_is_animated_by_its_sculpted_keys(tmp_path: Path, 
     assert run("keys", "choose", keys, session) == 2
 
 
+def test_a_source_outside_the_keys_is_told_with_its_distance(
+    tmp_path: Path, poses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys, source, out = tmp_path / "keys", tmp_path / "far.json", tmp_path / "out.json"
+    assert run("keys", "init", "low", "low", "-o", keys, "--poses", poses) == 0
+    weights = {"format": "faceposer.weights", "version": 1, "rate": 30, "names": ["jawOpen", "browDownLeft"]}
+    source.write_text(json.dumps(weights | {"frames": [[0.4, 0.0], [8.0, 1.0]]}))
+    options = ("--from", "low", "--method", "examples", "--keys", keys)
+    status, _, said = run_captured(capsys, "transfer", source, "low", "-o", out, *options)
+    assert status == 0
+    assert "The source is outside the keys" in said
+    assert "exaggerated up to 10.0 times" in said
+    assert np.isfinite(json.loads(out.read_text())["frames"]).all()
+    status, _, said = run_captured(capsys, "transfer", source, "low", "-o", out, *options, "--frames", "0")
+    assert (status, "outside the keys" in said) == (0, False)
+
+
 def test_a_session_becomes_one_of_the_target(tmp_path: Path, poses: Path, low: FaceModel) -> None:
     from faceposer.session.document import Document, write_document
 
