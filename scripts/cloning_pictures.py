@@ -45,7 +45,7 @@ SIDE = 300
 # Strength of the exaggerated keys: the goblin's feelings, and its speech.
 FEELING, SPEECH = 1.7, 1.25
 FEELINGS = ("anger", "fear", "happiness", "sadness", "surprise")
-SHOWN = (("happiness", 1.0), ("anger", 1.0), ("surprise", 1.0), ("sadness", 1.0), ("happiness", 0.5))
+SHOWN = (("happiness", 1.0), ("anger", 1.0), ("surprise", 1.0), ("sadness", 1.0))
 
 
 def transfers(folder: Path) -> tuple[ExampleTransfer, ExampleTransfer, DistanceTransfer]:
@@ -61,7 +61,7 @@ def transfers(folder: Path) -> tuple[ExampleTransfer, ExampleTransfer, DistanceT
 def portrait(model: FaceModel, pose: Array, side: int = SIDE) -> NDArray[np.uint8]:
     """Return the picture of a pose, with the ears in it."""
     view = portrait_view(model.character)
-    wide = 0.62 if model.character.name == "creature" else 0.85
+    wide = 0.5 if model.character.name == "creature" else 0.75
     return render_character(model.character, model.surface(pose), view.zoomed(wide).camera((side, side)))
 
 

@@ -107,7 +107,7 @@ def faces(names: list[str], captures: tuple[Path, Path], count: int) -> dict[str
         else:
             man = found["man"]
             by_distances = DistanceTransfer(man.model, model)
-            own = [np.array([by_distances.pose(pose) for pose in poses]) for poses in (man.frames, man.candidates[::8])]
+            own = [np.array([by_distances.pose(pose) for pose in poses]) for poses in (man.frames, man.candidates[::2])]
         found[Path(path).stem] = Face(Path(path).stem, path, model, own[0], own[1])
     return found
 

@@ -15,8 +15,9 @@ from faceposer.evaluation.cloning.correspondence import Skin, nearest_triangles,
 
 Array = NDArray[np.float64]
 
-# Pull to the neutral places, relative to the mean of the diagonal, which makes the system regular.
-_PULL = 1e-9
+# Pull to the neutral places, relative to the mean of the diagonal: it makes the system regular, and holds the vertices
+# that do not move, as the paper's constraints do.
+_PULL, _HOLD = 1e-9, 0.1
 
 
 class DeformationTransfer:
@@ -30,7 +31,6 @@ class DeformationTransfer:
             target: Skin of the target.
             still: Mask of the source's vertices that no expression moves, shape (N,); they hold the target in place.
         """
-        self._target = target
         fitted = warped(source, target)
         centres = target.vertices[target.triangles].mean(axis=1)
         self._faces, _ = nearest_triangles(centres, fitted, source.triangles)
@@ -39,11 +39,11 @@ class DeformationTransfer:
         gradient, areas = _gradient(target.vertices, target.triangles)
         self._weighted = (gradient.T @ sparse.diags_array(np.repeat(areas, 3))).tocsr()
         system = self._weighted @ gradient
-        pull = _PULL * system.diagonal().mean()
-        self._pulled = pull * target.vertices
-        self._solve = linalg.splu((system + pull * sparse.eye_array(len(target.vertices))).tocsc()).solve
         faces, _ = nearest_triangles(target.vertices, fitted, source.triangles)
-        self._still = still[source.triangles[faces]].all(axis=1)
+        held = still[source.triangles[faces]].all(axis=1)
+        pull = np.where(held, _HOLD, _PULL) * system.diagonal().mean()
+        self._pulled = pull[:, None] * target.vertices
+        self._solve = linalg.splu((system + sparse.diags_array(pull)).tocsc()).solve
 
     def clone(self, vertices: Array) -> Array:
         """Return the target's skin, (N', 3), for the source's ``vertices``, shape (N, 3)."""
@@ -52,8 +52,7 @@ class DeformationTransfer:
         # The gradient of the coordinates x^k over a triangle is column k.
         wanted = deformation[self._faces].reshape(-1, 3)
         result: Array = self._solve(self._weighted @ wanted + self._pulled)
-        held = self._still if self._still.any() else np.ones(len(result), dtype=bool)
-        return result - (result[held] - self._target.vertices[held]).mean(axis=0)
+        return result
 
 
 def _with_normals(vertices: Array, triangles: NDArray[np.integer]) -> Array:
