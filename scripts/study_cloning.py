@@ -228,8 +228,13 @@ def study(found: dict[str, Face], frames: int, few: int) -> list[dict[str, Any]]
                 if label == "84 chosen":
                     fine = by_examples(face, face, keys, threshold=FINE)
                     rows.append(measured(2, face, None, "examples, fine", [fine], frames, **more))
-                elif label == "84":
-                    for how, options in (("20 points", {"points": PAPER_POINTS}), ("regions", {"regions": "parts"})):
+                elif label == "19":
+                    variants: dict[str, dict[str, Any]] = {
+                        "20 points": {"points": PAPER_POINTS},
+                        "halves": {"regions": "halves"},
+                        "parts": {"regions": "parts"},
+                    }
+                    for how, options in variants.items():
                         way = by_examples(face, face, keys, **options)
                         rows.append(measured(2, face, None, f"examples, {how}", [way], frames, **more))
             for method, way in ways(face, face).items():

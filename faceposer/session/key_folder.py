@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.writing import write_json
 from faceposer.interchange.reading import MESHES
@@ -92,7 +93,7 @@ class KeyFolder:
             FacePoserError: If it has no valid description.
         """
         path = folder / DESCRIPTION
-        if not path.is_file():
+        if not paths.is_file(path):
             raise FacePoserError(
                 f"'{folder}' is not a folder of keys: it has no '{DESCRIPTION}'; create one with keys init."
             )
@@ -184,11 +185,11 @@ class KeyFolder:
     def _files(self, side: Side) -> dict[str, Path]:
         folder = self.folder / side
         try:
-            paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.name[0] != ".")
+            files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.name[0] != ".")
         except OSError as error:
             raise FacePoserError(f"The folder '{folder}' of the keys cannot be listed: {error.strerror}.") from error
         found: dict[str, Path] = {}
-        for path in paths:
+        for path in files:
             if path.stem in found:
                 raise FacePoserError(
                     f"The key '{path.stem}' has two files, '{found[path.stem]}' and '{path.name}'; remove one of them."

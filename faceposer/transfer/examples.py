@@ -8,7 +8,6 @@ vertices: x = neutral + B p is linear.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,9 +139,10 @@ class ExampleTransfer:
     def _check_distinct(self, sources: Array, names: Sequence[str]) -> None:
         places = sources @ point_rows(self.source, self.points).T
         least = _SAME * self.source.character.height * np.sqrt(len(self.points))
-        gaps = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
-        for first, second in combinations(range(len(places)), 2):
-            if not gaps[first, second] > least:
+        for first, place in enumerate(places[:-1]):
+            gaps = np.linalg.norm(places[first + 1 :] - place, axis=1)
+            if not gaps.min() > least:
+                second = first + 1 + int(np.argmin(gaps))
                 raise FacePoserError(
                     f"The keys '{names[first]}' and '{names[second]}' are the same expression of the source at all "
                     "feature points; change or remove one of them."

@@ -75,6 +75,8 @@ def _affine(places: Array) -> Array:
 
 def _distances(places: Array, others: Array) -> Array:
     """Return the distances between ``places``, (m, n), and ``others``, (M, n), shape (m, M)."""
-    # Differences, not inner products, so that the distance of a key to itself is exactly 0.
-    distances: Array = np.sqrt(((places[:, None] - others[None]) ** 2).sum(axis=2))
-    return distances
+    # Imported late to shorten the start of the window. It takes differences, not inner products, so that the distance
+    # of a key to itself is exactly 0, and needs no memory for them.
+    from scipy.spatial.distance import cdist
+
+    return np.asarray(cdist(places, others), dtype=np.float64)
