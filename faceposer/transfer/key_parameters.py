@@ -31,10 +31,14 @@ PAPER_POINTS: tuple[str, ...] = (
     *("4.1", "4.2", "4.3", "4.4", "4.5", "4.6", "3.1", "3.2", "3.3", "3.4", "5.1", "5.2", "9.1", "9.2"),
     *("8.1", "8.2", "8.3", "8.4", "2.1", "9.12"),
 )
-# Points of ears, hairline and skull, which no expression moves.
-_STILL_GROUPS = ("10.", "11.")
+# Points of ears, hairline and skull, which expressions move on few characters: by more than this share of the height.
+_OFTEN_STILL, _MOVED = ("10.", "11."), 0.01
 _FEWEST = 3
-_LEFT = frozenset({"3.1", "3.3", "3.5", "3.7", "3.9", "3.11", "3.13", "4.1", "4.3", "4.5"})
+# Groups of points of the upper face: eyes and brows, ears and hairline; those on the left, as MPEG-4 numbers them.
+_UPPER = ("3", "4", "10", "11")
+_LEFT = frozenset(
+    {"3.1", "3.3", "3.5", "3.7", "3.9", "3.11", "3.13", "4.1", "4.3", "4.5", "10.1", "10.3", "10.5", "11.3"}
+)
 
 
 def parameter_points(character: Character, names: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -44,14 +48,23 @@ def parameter_points(character: Character, names: Sequence[str] | None = None) -
         FacePoserError: If there are fewer than three.
     """
     known = character.feature_points
-    chosen = tuple(known) if names is None else tuple(name for name in names if name in known)
-    chosen = tuple(name for name in chosen if names is not None or not name.startswith(_STILL_GROUPS))
+    if names is None:
+        least = _MOVED * character.height
+        chosen = tuple(name for name in known if not name.startswith(_OFTEN_STILL) or _motion(character, name) > least)
+    else:
+        chosen = tuple(name for name in names if name in known)
     if len(chosen) < _FEWEST:
         raise FacePoserError(
             f"The character '{character.name}' has {len(chosen)} of the feature points that cloning by examples needs, "
             "fewer than three; transfer by weights, or train it again with ARKit's shape names or from its examples."
         )
     return chosen
+
+
+def _motion(character: Character, name: str) -> float:
+    """Return the largest displacement of a feature point in any shape."""
+    moved = character.shapes[:, character.feature_points[name]]
+    return float(np.linalg.norm(moved, axis=1).max(initial=0.0))
 
 
 def point_rows(model: FaceModel, names: Sequence[str]) -> Array:
@@ -68,7 +81,7 @@ def grouped(names: Sequence[str], regions: Regions) -> dict[str, tuple[str, ...]
         group = name.split(".")[0]
         if regions == "whole":
             region = "face"
-        elif group not in ("3", "4"):
+        elif group not in _UPPER:
             region = "lower face"
         elif regions == "halves":
             region = "upper face"
