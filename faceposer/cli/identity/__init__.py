@@ -3,7 +3,7 @@
 import argparse
 from typing import Any, Protocol
 
-from faceposer.cli.identity import fit
+from faceposer.cli.identity import fit, learn
 
 NAME = "identity"
 
@@ -25,7 +25,7 @@ class Subcommand(Protocol):
         ...
 
 
-SUBCOMMANDS: tuple[Subcommand, ...] = (fit,)
+SUBCOMMANDS: tuple[Subcommand, ...] = (fit, learn)
 
 
 def add_parser(commands: Any) -> None:
