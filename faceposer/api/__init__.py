@@ -1,7 +1,7 @@
 """Python interface: load a face, add constraints, solve, and read vertices and weights (docs/api.md)."""
 
 from faceposer.animation.trajectories import Trajectories
-from faceposer.api.face import Face, characters, load
+from faceposer.api.face import Face, characters, load, new_head
 from faceposer.api.landmarks import find_all_landmarks, find_landmarks, find_mesh_landmarks
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
@@ -24,4 +24,5 @@ __all__ = [
     "find_landmarks",
     "find_mesh_landmarks",
     "load",
+    "new_head",
 ]

@@ -149,8 +149,11 @@ class App(Editor):
             session.worker.wait_idle(_SOLVE_PATIENCE)
         if session.poll():
             self.redraw()
+        if session.model is not self.scene.model:
+            self.model_changed()
         pose = session.model.neutral() if self.comparing else session.coefficients
         self.scene.set_pose(pose, session.document.contact)
+        self.scene.set_preview(None if session.preview is None else session.preview.vertices)
         self.router.update()
 
     def _draw(self) -> None:

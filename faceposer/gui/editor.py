@@ -151,6 +151,13 @@ class Editor:
             self.dialogs.ask(Question("The character may have changed", session.remark))
         self.redraw()
 
+    def model_changed(self) -> None:
+        """Show the session's model after an edit of the head, or after it is undone."""
+        self.scene.set_model(self.session.model)
+        self.drawn_constraints.model_changed()
+        self.features.model_changed()
+        self.redraw()
+
     def _new_drawn_constraints(self, session: Session) -> DrawnConstraints:
         drawn = DrawnConstraints(session, self.scene, self.viewport, self.toolbox, lambda: self.busy)
         self.viewport.hidden_among = drawn.hidden.indices

@@ -27,8 +27,8 @@ class Feature:
         self.context = context
 
     @property
-    def options_in_tab(self) -> bool:
-        """True if the options of the tool *Sketch* and the constraints are shown in the tab, too."""
+    def traced(self) -> bool:
+        """True if the tab has photos: the options of tools that trace photos, and constraints, are shown in it, too."""
         return False
 
     @property
@@ -91,6 +91,9 @@ class Feature:
 
     def session_changed(self) -> None:
         """React to a change of the edited session."""
+
+    def model_changed(self) -> None:
+        """React to another face model of the session: its head was edited, or such an edit undone."""
 
     def update(self) -> None:
         """Do the work of one turn of the loop, before session and face are updated."""
@@ -235,6 +238,11 @@ class Features:
         """Notify all features of a change of the edited session."""
         for feature in self._features:
             feature.session_changed()
+
+    def model_changed(self) -> None:
+        """Notify all features of another face model of the session."""
+        for feature in self._features:
+            feature.model_changed()
 
     def accept_files(self, dropped: tuple[str, ...]) -> bool:
         """Offer dropped files to each feature in turn; return True if one handled them."""

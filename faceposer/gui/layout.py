@@ -123,8 +123,8 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
 def _narrow() -> Iterator[None]:
     """Reduce the padding of tabs, so that all titles fit; both the bar and each tab read the style."""
     style = imgui.get_style()
-    imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.45), style.frame_padding.y))
-    imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, (em(0.15), style.item_inner_spacing.y))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, (em(0.2), style.frame_padding.y))
+    imgui.push_style_var(imgui.StyleVar_.item_inner_spacing, (em(0.05), style.item_inner_spacing.y))
     yield
     imgui.pop_style_var(2)
 
@@ -135,9 +135,8 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
     def content(feature: Feature) -> Callable[[Shell], None]:
         def draw(context: Shell) -> None:
             # Above the tab's own content, which may be long.
-            if feature.options_in_tab and context.toolbox.chosen is context.toolbox.sketch_tool:
-                context.features.draw_tool_options(context.toolbox.chosen.name)
-                context.constraints_panel.draw(context)
+            if feature.traced and context.toolbox.chosen.traces_photos:
+                _draw_chosen_tool(context)
                 imgui.separator()
             feature.draw_tab()
 
@@ -153,6 +152,11 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
 
 def _draw_pose_tab(context: Shell) -> None:
     context.pose_panel.draw(context)
+    _draw_chosen_tool(context)
+
+
+def _draw_chosen_tool(context: Shell) -> None:
+    """Draw the options of the chosen tool, and the constraints."""
     if not context.features.draw_tool_options(context.toolbox.chosen.name):
         draw_tool_options(context)
     context.constraints_panel.draw(context)

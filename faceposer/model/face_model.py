@@ -1,7 +1,7 @@
 """Face models: a character with the subspace of its expressions and the density over it, the input of a solve."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -108,6 +108,27 @@ class FaceModel:
         moved -= moved.mean(axis=1, keepdims=True)
         turn = np.linalg.lstsq(crossed, moved.reshape(self.n_coefficients, -1).T, rcond=None)[0]
         return np.asarray(turn, dtype=np.float64)
+
+    def with_character(self, character: Character) -> "FaceModel":
+        """Return the model of another ``character`` with the same shapes, in the same subspace with the same density.
+
+        The coefficients of a pose mean the same weights on both, as while the head of a character is edited.
+        ``build_face_model`` gives a character its own subspace instead.
+
+        Raises:
+            ValueError: If the characters do not have the same shapes, in the same order.
+        """
+        if character.shape_names != self.character.shape_names:
+            raise ValueError("the characters do not have the same shapes")
+        flat = np.ascontiguousarray(character.shapes, dtype=np.float32).reshape(len(character.shapes), -1)
+        density = self.rig_density
+        return replace(
+            self,
+            character=character,
+            basis=self.subspace.directions.T.astype(np.float32) @ flat,
+            gram=gram_of_shapes(character),
+            rig_density=replace(density, largest=largest_motions(character, density.shape_rows)),
+        )
 
     def neutral(self) -> Array:
         """Return the coefficients of the neutral face: zeros, shape (r,)."""

@@ -37,6 +37,7 @@ class Scene:
         self._coefficients: NDArray[np.float64] = np.zeros(0)
         self._contact = True
         self._pose = 0
+        self._preview: NDArray[np.float32] | None = None
         self._drawn: tuple[object, ColourTarget] | None = None
         self.vertices: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
         self.normals: NDArray[np.float32] = np.zeros((0, 3), dtype=np.float32)
@@ -44,6 +45,11 @@ class Scene:
         self.expression_lines = True
         self.look = Look()
         self.images_rendered = 0
+
+    @property
+    def model(self) -> FaceModel | None:
+        """The face model shown, or None before the first one."""
+        return self._model
 
     @property
     def triangles(self) -> NDArray[np.int32]:
@@ -55,7 +61,7 @@ class Scene:
         if model is self._model:
             return
         self._renderer.set_character(model.character)
-        self._model = model
+        self._model, self._preview = model, None
         self._normals = VertexNormals(model.triangles, len(model.character.vertices))
         self._set(model, model.neutral())
 
@@ -66,12 +72,28 @@ class Scene:
             self._contact = contact
             self._set(self._require_model(), pose)
 
+    def set_preview(self, vertices: NDArray[np.float32] | None) -> None:
+        """Show ``vertices``, (N, 3), in place of those of the pose until the model changes; None ends the preview.
+
+        Raises:
+            ValueError: If the shape is not that of the model's vertices.
+        """
+        model = self._require_model()
+        if vertices is not None and vertices.shape != model.character.vertices.shape:
+            raise ValueError("a preview needs a position for each vertex")
+        if vertices is not self._preview:
+            self._preview = vertices
+            self._set(model, self._coefficients)
+
     def _set(self, model: FaceModel, pose: NDArray[np.float64]) -> None:
         assert self._normals is not None
         self._coefficients = pose.copy()
         self._pose += 1
-        # The neutral face needs no contact step, which would delay the first image.
-        self.vertices = model.surface(pose, self._contact and bool(pose.any()))
+        if self._preview is None:
+            # The neutral face needs no contact step, which would delay the first image.
+            self.vertices = model.surface(pose, self._contact and bool(pose.any()))
+        else:
+            self.vertices = self._preview
         self.normals = self._normals(self.vertices)
         self._renderer.update(self.vertices, self.normals, self._pose)
 
@@ -86,7 +108,8 @@ class Scene:
 
     def draw(self, camera: Camera, shading: Shading, wireframe: bool, samples: int) -> moderngl.Texture:
         """Render for ``camera``, bottom row first, with ``samples`` per pixel; 0 for no multisampling."""
-        lines = self.expression_lines
+        # The vertices of a preview differ from the neutral face by more than the expression.
+        lines = self.expression_lines and self._preview is None
         key = (camera, self._pose, shading, wireframe, samples, id(self._model), self.photo, lines, self.look)
         if self._drawn is None or self._drawn[0] != key:
             target = self._target(camera.size, min(samples, self._ctx.max_samples))
@@ -98,8 +121,11 @@ class Scene:
 
     def portrait(self, coefficients: ArrayLike, camera: Camera, samples: int) -> NDArray[np.uint8]:
         """Render another pose, shape (r,), without showing it: (height, width, 3), top row first."""
+        return self.portrait_of(self._require_model().surface(coefficients, self._contact), camera, samples)
+
+    def portrait_of(self, vertices: NDArray[np.float32], camera: Camera, samples: int) -> NDArray[np.uint8]:
+        """Render other ``vertices``, shape (N, 3), as ``portrait`` does a pose."""
         assert self._normals is not None
-        vertices = self._require_model().surface(coefficients, self._contact)
         self._renderer.update(vertices, self._normals(vertices))
         target = ColourTarget(self._ctx, camera.size, min(samples, self._ctx.max_samples))
         self._renderer.draw(target.framebuffer, camera, expression_lines=self.expression_lines)

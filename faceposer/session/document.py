@@ -5,23 +5,25 @@ import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from msgspec import UNSET, Meta, UnsetType, field
+from msgspec import UNSET
 from numpy.typing import ArrayLike, NDArray
 
-from faceposer.animation.keyframes import Frame, Keyframes, KeyframesJson
+from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import write_text
-from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
+from faceposer.files.json_documents import check_header, convert, read_json
 from faceposer.files.paths import expand_user
 from faceposer.files.writing import json_text
 from faceposer.geometry.camera import Camera
+from faceposer.identity.identity import Identity
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.aligning import DegeneratePinsError, aligned, unaligned
-from faceposer.photo.photo import Photo, PhotosJson
-from faceposer.session.character_version import CharacterVersion, CharacterVersionJson
+from faceposer.photo.photo import Photo
+from faceposer.session.character_version import CharacterVersion
+from faceposer.session.document_json import SessionFile
 from faceposer.session.effort import check_effort
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.registry import Constraint, constraint_from_json
@@ -33,8 +35,6 @@ from faceposer.solve.problem import SPREAD
 FORMAT = "faceposer.session"
 VERSION = 1
 _MAX_BYTES = 64 * 2**20
-_MAX_PRIOR_WEIGHT = 1000.0
-_MAX_CONSTRAINTS = 2_000
 # Maximum number of pixels at which the sources of all strokes are picked.
 _MOST_PICKED_TOGETHER = 400_000
 # A list of numbers over several lines, as the indented output has it.
@@ -80,6 +80,7 @@ class Document:
         frame: Current frame of the animation, counted from 0.
         animated: True if pose and start are those of the animation at that frame, so that a frame change loses nothing.
         contact: True if the face is displayed and exported after the contact step (docs/contact.md).
+        identity: Coefficients of an edited head of the character; None for the character as it is (docs/identity.md).
         made_on: In a file, the version of the character and its poses as shape weights; None in memory, and in files
             without them.
     """
@@ -99,6 +100,7 @@ class Document:
     animated: bool = False
     contact: bool = True
     sketch_method: SketchMethod = "map"
+    identity: Identity | None = None
     made_on: MadeOn | None = None
 
     def posed(self, coefficients: ArrayLike) -> "Document":
@@ -143,7 +145,13 @@ class Document:
             (one.character, one.constraints, one.prior_weight, one.prior, one.spread, one.sketch_method)
             for one in (self, other)
         )
-        return mine == theirs and _same_pose(self.start, other.start)
+        return mine == theirs and self.same_head(other) and _same_pose(self.start, other.start)
+
+    def same_head(self, other: "Document") -> bool:
+        """Return True if both show the same character with the same head."""
+        if self.identity is None or other.identity is None:
+            return self.character == other.character and self.identity is other.identity
+        return self.character == other.character and self.identity.same(other.identity)
 
     def same_unconstrained_pose(self, other: "Document") -> bool:
         """Return True if both have no constraints, but the same start pose and prior, and therefore the same pose."""
@@ -175,6 +183,8 @@ class Document:
             data["photos"] = [photo.to_json() for photo in self.photos]
         if self.keyframes is not None:
             data["animation"] = {"frame": self.frame, **self.keyframes.to_json()}
+        if self.identity is not None:
+            data["identity"] = self.identity.to_json()
         if made_on is not None:
             data["character"] = made_on.version.to_json()
         return data
@@ -224,7 +234,7 @@ class Document:
             FacePoserError: If a key is unknown, missing or of the wrong type; the message names it.
         """
         check_header(data, FORMAT, VERSION)
-        form = convert(data, _SessionFile)
+        form = convert(data, SessionFile)
         document = cls(
             form.subject,
             tuple(constraint_from_json(entry, f"constraints[{i}]") for i, entry in enumerate(form.constraints)),
@@ -235,6 +245,7 @@ class Document:
             photos=tuple(photo.photo() for photo in form.photos),
             contact=form.contact,
             sketch_method=form.sketch_method,
+            identity=None if form.identity is UNSET else form.identity.identity(),
         )
         check_effort(document.constraints)
         if form.start is not UNSET:
@@ -333,28 +344,6 @@ def path_from(path: str, folder: Path) -> str:
 
 def _is_file(character: str) -> bool:
     return character.lower().endswith(".npz")
-
-
-class _AnimationJson(KeyframesJson, kw_only=True):
-    frame: Frame = 0
-
-
-class _SessionFile(JsonDocument, kw_only=True):
-    subject: Annotated[str, Meta(min_length=1, description="the name or the path of a character")]
-    constraints: Annotated[list[Any], Meta(max_length=_MAX_CONSTRAINTS)]
-    prior_weight: Annotated[float, Meta(ge=0.0, le=_MAX_PRIOR_WEIGHT)] = 1.0
-    prior: Prior = "regions"
-    spread: Annotated[float, Meta(ge=0.0, le=1.0)] = SPREAD
-    sketch_method: SketchMethod = "map"
-    coefficients: list[codec.Coordinate] | UnsetType = UNSET
-    start: list[codec.Coordinate] | UnsetType = UNSET
-    contact: bool = True
-    camera: codec.CameraJson | UnsetType = UNSET
-    photos: PhotosJson = field(default_factory=list)
-    animation: _AnimationJson | UnsetType = UNSET
-    weights: codec.ShapeWeights | UnsetType = UNSET
-    start_weights: codec.ShapeWeights | UnsetType = UNSET
-    character: CharacterVersionJson | UnsetType = UNSET
 
 
 def _same_pose(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:

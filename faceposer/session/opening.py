@@ -13,6 +13,7 @@ from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.photo.photo import absolute_path
 from faceposer.session.document import Document, absolute_character, read_document
 from faceposer.session.file_kinds import kind_of
+from faceposer.session.head_edits import head_model
 from faceposer.session.on_disk import content_of
 from faceposer.session.rebinding import rebind
 from faceposer.session.session import Session
@@ -91,7 +92,7 @@ def session_for(
     photos = tuple(replace(photo, path=absolute_path(photo.path, folder)) for photo in document.photos)
     try:
         model = load_model(character)
-        rebinding = rebind(replace(document, character=character, photos=photos), model)
+        rebinding = rebind(replace(document, character=character, photos=photos), head_model(model, document.identity))
         return Session(model, rebinding.document, worker, path, rebinding.remark, content)
     except MissingCharacterError as error:
         if path is None:

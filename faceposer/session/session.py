@@ -18,6 +18,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.session.animating import AnimationController
 from faceposer.session.document import Document
+from faceposer.session.head_edits import HeadEdits, head_model
 from faceposer.session.history import History
 from faceposer.session.report import Residuals
 from faceposer.session.saved_state import SavedState
@@ -29,12 +30,13 @@ from faceposer.solve.map_solver import Solution, SolveError
 Mode = Literal["live", "apply"]
 
 
-class Session(SettingEdits):
+class Session(SettingEdits, HeadEdits):
     """A document with its face model, edited one gesture at a time.
 
     Changes are solved at once in the mode "live" (the paper's dragging), and on request in "apply" ("click done").
 
     Attributes:
+        base_model: Face model of the document's character before its head was edited.
         animation: Frame changes and key edits.
         remark: Sentences for the user on how the file was adapted to another version of its character; usually empty.
     """
@@ -51,7 +53,7 @@ class Session(SettingEdits):
         """Open ``document`` with ``model``.
 
         Args:
-            model: Face model of the document's character.
+            model: Face model of the document's character, before its head is edited.
             document: Document to edit.
             worker: Solver; None to solve in the caller's thread.
             path: Session file of the document, if any.
@@ -61,7 +63,7 @@ class Session(SettingEdits):
         Raises:
             FacePoserError: If the document does not fit the model.
         """
-        self.model = model
+        self.base_model = model
         self.worker: Worker = InlineWorker() if worker is None else worker
         self.path = path
         self.remark = remark
@@ -69,7 +71,7 @@ class Session(SettingEdits):
         self._failure: SolveError | None = None
         self.revision = self.epoch = 0
         self._mode: Mode = "live"
-        self._document = document.resolved(model)
+        self._document = document.resolved(head_model(model, document.identity))
         self.animation = AnimationController(self)
         self._document = document = self.animation.as_opened(self._document)
         self._history = History(document)
@@ -87,6 +89,11 @@ class Session(SettingEdits):
     def document(self) -> Document:
         """The current document."""
         return self._document
+
+    @property
+    def model(self) -> FaceModel:
+        """Face model of the document's character with its edited head; another object after each edit of the head."""
+        return head_model(self.base_model, self._document.identity)
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
@@ -340,6 +347,8 @@ class Session(SettingEdits):
             self._document = self.animation.with_auto_key(self._document)
             self._history.replace_head(self._document)
         self.revision += 1
+        if self._document.constraints is result.job.document.constraints:
+            self._residuals.keep(self.revision, result.solution.residuals_px)
         return True
 
     def wait(self, timeout: float = 10.0) -> None:

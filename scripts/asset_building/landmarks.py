@@ -94,7 +94,7 @@ def feature_points(
     mirror = mirrored_ids(place)
     kept = np.arange(len(place), dtype=np.int32) if kept is None else kept
     number = {vertex: k for k, vertex in enumerate(kept.tolist())}
-    outside = np.setdiff1d(kept, _inside_ids(skin, place))
+    outside = np.setdiff1d(kept, hidden_ids(skin, place))
     middle = outside[np.abs(place[outside, 0]) < 1e-6]
     points: dict[str, int] = {}
     titles: dict[str, str] = {}
@@ -139,7 +139,7 @@ def regions(skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Pa
     masks = {name: np.round(0.5 * (values + values[mirror]), 6) for name, values in masks.items()}
     even = np.stack([x, y, z], axis=1).astype(np.float32)
     outer = np.ones(len(place), dtype=bool)
-    outer[_inside_ids(skin, place)] = False
+    outer[hidden_ids(skin, place)] = False
     lips = outer & (masks["lips"] > 0.5) & (z > 13.0)
     ears = (masks["ears"] > 0.5) & (x > 6.0)
     hair = above_hairline(even) > 0.0
@@ -186,7 +186,7 @@ def regions(skin: Skin, place: Floats, masks: dict[str, Floats], parts: tuple[Pa
 _LIP_LINE = 66.0
 
 
-def _inside_ids(skin: Skin, place: Floats) -> Ints:
+def hidden_ids(skin: Skin, place: Floats) -> Ints:
     """Return the vertices of the sockets' and the mouth's insides, which are hidden in the neutral face."""
     rings = [ring for k, ring in enumerate(skin.rings_left) if k < LASH_RING - 2]
     inside = among(skin.fine, np.concatenate(rings + [skin.mirror[ring] for ring in rings]))

@@ -106,7 +106,7 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
     noise = [Noise(look.seed + k) for k in range(4)]
     p, masks = skin.place, skin.masks
     mirrored = p * np.array([0, 1, 1], np.float32) + np.abs(p) * np.array([1, 0, 0], np.float32)
-    lips = _lips(masks["lips"], p, noise[0])
+    lips = lip_share(masks["lips"], p, noise[0])
 
     colour = np.broadcast_to(np.array(look.base, dtype=np.float32), p.shape).copy()
     colour *= (1.0 + 0.025 * noise[0](p, 3.0, 3) + 0.012 * noise[1](p, 0.5, 3))[:, None]
@@ -114,12 +114,12 @@ def paint_skin(skin: SkinTexels, look: SkinLook) -> NDArray[np.uint8]:
     colour = blend(colour, (150, 98, 92), _around_eyes(mirrored, masks))
     colour = _pores(colour, p, skin, noise)
     if look.beard:
-        colour = _beard(colour, skin, look, rng)
+        colour = paint_beard(colour, skin, look, rng)
     colour = blend(colour, look.lips, 0.85 * lips)
     colour *= (1.0 + lips * (0.05 * noise[3](p * np.array([1.0, 0.25, 0.25], np.float32), 0.12, 2)))[:, None]
     colour = blend(colour, (198, 120, 112), 0.7 * masks["wet_line"])
     colour = blend(colour, look.hair, look.lash_line * masks["lash_line"])
-    colour = _scalp(colour, skin, look, rng, noise[3])
+    colour = paint_scalp(colour, skin, look, rng, noise[3])
     colour = paint_brows(colour, skin, look, rng)
     lining = masks["inside"] * (1.0 - lips)
     colour = blend(colour, (112, 41, 41), lining * (1.0 + 0.05 * noise[3](p, 0.6, 2)))
@@ -169,7 +169,8 @@ def _above(line: PchipInterpolator, p: Image32) -> Image32:
     return result
 
 
-def _lips(mask: Image32, p: Image32, noise: Noise) -> Image32:
+def lip_share(mask: Image32, p: Image32, noise: Noise) -> Image32:
+    """Return the share of lips at places ``p`` (K, 3), with an uneven border."""
     return smoothstep(0.25, 0.75, mask + 0.06 * noise(p, 0.35, 2))
 
 
@@ -239,7 +240,8 @@ def _strokes(
     return draw_strokes(skin.texels, flow, starts, lengths, strengths, bend, skin.masks["ears"] < 0.4, places)
 
 
-def _scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Generator, noise: Noise) -> Image32:
+def paint_scalp(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Generator, noise: Noise) -> Image32:
+    """Return ``colour`` (K, 3) of the texels of ``skin`` with the hair of the head."""
     p = skin.place
     above = _above(_HAIRLINE, p) + 0.16 * noise(p, 0.7, 3)
     bare_ears = 1.0 - smoothstep(0.15, 0.5, skin.masks["ears"])
@@ -296,7 +298,8 @@ def paint_brows(colour: Image32, skin: SkinTexels, look: Brows, rng: np.random.G
     return colour
 
 
-def _beard(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Generator) -> Image32:
+def paint_beard(colour: Image32, skin: SkinTexels, look: SkinLook, rng: np.random.Generator) -> Image32:
+    """Return ``colour`` (K, 3) of the texels of ``skin`` with stubble."""
     p = skin.place
     below = -_above(_BEARD_TOP, p)
     chin = smoothstep(-0.1, 0.9, below) * smoothstep(84.0, 64.0, _angle(p) - 6.0 * smoothstep(67.0, 70.0, p[:, 1]))

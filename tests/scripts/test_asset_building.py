@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.geometry.subdivision import catmull_clark, linear_split
 from faceposer.identity.anatomy.eyeballs import CORNEA_HEIGHT, IRIS_ANGLE, surface_radius
 from faceposer.identity.anatomy.lids import keep_clear
 from faceposer.model.character import ARKIT_SHAPES, Character
@@ -17,7 +18,6 @@ from scripts.asset_building.eyes import build_eye, turned_eye
 from scripts.asset_building.piece import grid_quads
 from scripts.asset_building.raster import TexelMap, draw_strokes, map_texels, smoothstep, softened, softening
 from scripts.asset_building.refinement import refined_in_places
-from faceposer.geometry.subdivision import catmull_clark, linear_split
 from scripts.asset_building.swell import Swell, swollen
 from scripts.asset_building.symmetry import even, even_units
 from scripts.asset_building.transfer import fitted_units

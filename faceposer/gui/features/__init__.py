@@ -10,12 +10,14 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.drawings.feature import DrawingsFeature
     from faceposer.gui.features.export.feature import ExportFeature
     from faceposer.gui.features.guide.feature import GuideFeature
+    from faceposer.gui.features.head.feature import HeadFeature
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.gui.features.photo.feature import PhotoFeature
     from faceposer.gui.features.poses.feature import PosesFeature
     from faceposer.gui.features.preferences.feature import PreferencesFeature
     from faceposer.gui.features.range_marks.feature import RangeMarksFeature
     from faceposer.gui.features.recovery.feature import RecoveryFeature
+    from faceposer.gui.features.scan.feature import ScanFeature
     from faceposer.gui.features.sketch.feature import SketchFeature
     from faceposer.gui.features.timeline.feature import TimelineFeature
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
@@ -23,12 +25,14 @@ def build_features(context: EditorContext) -> Features:
 
     kinds: tuple[type[Feature], ...] = (
         PosesFeature,
+        HeadFeature,
         PhotoFeature,
         TimelineFeature,
         TrajectoriesFeature,
         AnimationFilesFeature,
         TransferFeature,
         ImportCharacterFeature,
+        ScanFeature,
         ExportFeature,
         RangeMarksFeature,
         SketchFeature,

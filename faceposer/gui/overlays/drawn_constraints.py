@@ -38,6 +38,11 @@ class DrawnConstraints:
         self._conflicts: tuple[object, dict[int, str]] = (None, {})
         self._titles: tuple[object, list[str]] = (None, [])
 
+    def model_changed(self) -> None:
+        """Name locations on the session's present model."""
+        self.names = PointNames(self._session.model.character)
+        self._titles = (None, [])
+
     def _key(self) -> tuple[object, ...]:
         return (self._session.revision, self._viewport.view, self._viewport.size, self._toolbox.active)
 

@@ -7,9 +7,8 @@ from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.fixed import LARGEST_HOLD
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
+from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, section
 from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
-from faceposer.gui.widgets.theme import FIELD, RAISED
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.priors import PRIORS, Prior
@@ -144,10 +143,7 @@ class PosePanel:
         # The header is open if the session has another prior than the default.
         if prior != "regions":
             imgui.set_next_item_open(True, imgui.Cond_.once)
-        imgui.push_style_color(imgui.Col_.header, imgui.ImVec4(*FIELD))
-        imgui.push_style_color(imgui.Col_.header_hovered, imgui.ImVec4(*RAISED))
-        opened = imgui.collapsing_header("Advanced")
-        imgui.pop_style_color(2)
+        opened = section("Advanced")
         context.widget_rects.record("advanced")
         tooltip("Prior of natural expressions")
         if not opened:

@@ -27,6 +27,7 @@ TOOL_ICONS = {
     "fix": Icon.FIX,
     "gaze": Icon.GAZE,
     "trajectory": Icon.PATH,
+    "head": Icon.HEAD,
 }
 #: Regions with a button, by their labels; names with spaces belong to characters trained from examples.
 HELD_REGIONS: dict[str, tuple[str, ...]] = {

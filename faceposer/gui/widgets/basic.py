@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from faceposer.gui.actions import Action
 from faceposer.gui.widgets.text import displayed, shortened, text_width
-from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, Fonts, em
+from faceposer.gui.widgets.theme import ACCENT_DARK, ACCENT_MID, FAINT, FIELD, RAISED, Fonts, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
 
@@ -21,6 +21,15 @@ def heading(fonts: Fonts, text: str, first: bool = False) -> None:
     imgui.push_font(fonts.bold, 0.0)
     imgui.text_unformatted(displayed(text))
     imgui.pop_font()
+
+
+def section(label: str, flags: int = 0) -> bool:
+    """Draw a header that opens and closes a section, and return True if it is open."""
+    imgui.push_style_color(imgui.Col_.header, ImVec4(*FIELD))
+    imgui.push_style_color(imgui.Col_.header_hovered, ImVec4(*RAISED))
+    opened = imgui.collapsing_header(label, flags)
+    imgui.pop_style_color(2)
+    return bool(opened)
 
 
 def caption(text: str) -> None:

@@ -75,6 +75,7 @@ class Icon:
     KEY = "\uf219"
     PATH = "\uf4d7"
     LIST = "\uf0d7"
+    HEAD = "\uf007"
 
 
 def u32(colour: Colour, alpha: float = 1.0) -> int:

@@ -125,6 +125,10 @@ class PosesFeature(Feature):
         self._applied = None
         self.portraits.forget()
 
+    def model_changed(self) -> None:
+        """Discard the thumbnails, which show another head."""
+        self.portraits.forget()
+
     def update(self) -> None:
         """Draw the next thumbnail, unless the user is dragging."""
         if not self.context.toolbox.active:

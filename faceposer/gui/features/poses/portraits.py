@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from faceposer.files.images import open_image
 from faceposer.files.reading import open_file
+from faceposer.geometry.camera import Camera
 from faceposer.gui.context import EditorContext
+from faceposer.gui.widgets.pictures import image_texture
 from faceposer.poses.portrait import portrait_view
 
 # Supersampling factor each way; without a GPU this takes half as long as multisampling.
@@ -55,14 +57,21 @@ class Portraits:
         """Return the texture of the image file ``path``, or None until it is read or if it cannot be read."""
         return self._get((path, stamp), lambda: _read(path))
 
+    def of_vertices(self, key: Hashable, vertices: Callable[[], NDArray[np.float32]], size: int) -> int | None:
+        """Return the texture of vertices of the face, shape (N, 3), or None until it is drawn; see ``of_pose``."""
+        return self._get((key, size), lambda: self._drawn(vertices(), size))
+
     def draw(self, coefficients: Array, size: int) -> NDArray[np.uint8]:
         """Return the image of a pose, shape (size, size, 3)."""
-        camera = portrait_view(self._context.session.model.character).camera(
+        return _halved(self._context.scene.portrait(coefficients, self._camera(size), 0))
+
+    def _drawn(self, vertices: NDArray[np.float32], size: int) -> NDArray[np.uint8]:
+        return _halved(self._context.scene.portrait_of(vertices, self._camera(size), 0))
+
+    def _camera(self, size: int) -> Camera:
+        return portrait_view(self._context.session.model.character).camera(
             (_SUPERSAMPLING * size, _SUPERSAMPLING * size)
         )
-        fine = self._context.scene.portrait(coefficients, camera, 0)
-        blocks = fine.reshape(size, _SUPERSAMPLING, size, _SUPERSAMPLING, 3).astype(np.float32)
-        return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
     def _get(self, key: Hashable, image: Callable[[], NDArray[np.uint8] | None]) -> int | None:
         if key not in self._textures:
@@ -79,7 +88,7 @@ class Portraits:
             return
         key = next(iter(self._pending))
         image = self._pending.pop(key)()
-        self._textures[key] = None if image is None else _texture(self._context.gl, image)
+        self._textures[key] = None if image is None else image_texture(self._context.gl, image)
         while len(self._textures) > _MOST_TEXTURES:
             self._discarded.append(self._textures.pop(next(iter(self._textures))))
         self._context.redraw(2)
@@ -103,12 +112,11 @@ class Portraits:
         self._discarded.clear()
 
 
-def _texture(ctx: moderngl.Context, image: NDArray[np.uint8]) -> moderngl.Texture:
-    height, width = image.shape[:2]
-    texture = ctx.texture((width, height), 3, np.ascontiguousarray(image).tobytes(), alignment=1)
-    texture.build_mipmaps()
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    return texture
+def _halved(fine: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the means of squares of pixels of the supersampled image ``fine``."""
+    size = len(fine) // _SUPERSAMPLING
+    blocks = fine.reshape(size, _SUPERSAMPLING, size, _SUPERSAMPLING, 3).astype(np.float32)
+    return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
 
 def _read(path: Path) -> NDArray[np.uint8] | None:

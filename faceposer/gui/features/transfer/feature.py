@@ -105,6 +105,10 @@ class TransferFeature(Feature):
         """Discard the result, which belongs to another session."""
         self._last_input = None
 
+    def model_changed(self) -> None:
+        """Discard the result, which belongs to another head."""
+        self._last_input = None
+
     def draw_dialog(self) -> None:
         """Draw the dialog, unless another dialog is open above it."""
         if self.open and not (self.context.dialogs.open or self.context.file_dialogs.open):

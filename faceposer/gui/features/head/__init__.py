@@ -1,0 +1,1 @@
+"""The head in the window: who the character is (docs/identity.md)."""

@@ -1,0 +1,336 @@
+"""The head of the character in the window: attributes, random heads, mixtures, and characters made from them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from faceposer.errors import FacePoserError
+from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.context import EditorContext
+from faceposer.gui.feature import Feature
+from faceposer.gui.features.head.lines import Line
+from faceposer.gui.features.head.panel import HeadPanel
+from faceposer.gui.features.head.variations import Variations
+from faceposer.gui.widgets.dialogs import TextQuestion
+from faceposer.identity.identity import Identity
+from faceposer.model.character_file import load_character, save_character
+from faceposer.progress import Progress
+from faceposer.session.character_library import LONGEST_TITLE
+from faceposer.session.jobs import ThreadJob
+from faceposer.tools.head_tool import HeadTool
+
+if TYPE_CHECKING:
+    from faceposer.identity.editing import HeadEditor
+
+#: Name of the part of a head beside the segments of its shape.
+SKIN = "skin"
+
+
+@dataclass(frozen=True, eq=False)
+class _Drag:
+    """The drag of a slider: its key, the name of the step, and the head before it."""
+
+    key: str
+    label: str
+    before: Identity
+
+
+class HeadFeature(Feature):
+    """The tab "Head", on characters that have the topology of the morphable model.
+
+    Attributes:
+        variety: Standard deviations of random heads, relative to those of people.
+        locked: Parts that random heads leave as they are: names of segments, and "skin".
+        keeps_features: True if attributes of the person leave those of the face as they are.
+        other: Character to mix with, as a name or path, or "".
+        variations: Grid of random heads to choose from.
+        caricature: Line through the average, or None before the slider is moved.
+        mixture: Line to the other character's head, or None.
+    """
+
+    tool_name = "head"
+
+    def __init__(self, context: EditorContext) -> None:
+        super().__init__(context)
+        self.variety = 0.8
+        self.locked: frozenset[str] = frozenset()
+        self.keeps_features = False
+        self.other = ""
+        self.caricature: Line | None = None
+        self.mixture: Line | None = None
+        self.variations = Variations(self)
+        self._panel = HeadPanel(self)
+        self._job: ThreadJob[None] | None = None
+        self._editor: HeadEditor | None = None
+        self._drag: _Drag | None = None
+        # Number of the last frame in which the slider of the drag was drawn.
+        self._drawn = 0
+        self._seed = 0
+        self._measured: tuple[Identity | None, dict[str, float]] = (None, {})
+        self._original: tuple[HeadEditor | None, dict[str, float]] = (None, {})
+        self._others: dict[str, Identity] = {}
+
+    # Called by the window
+
+    @property
+    def tab(self) -> tuple[str, str] | None:  # type: ignore[override]
+        """Title and tooltip of the tab; None on characters without the model."""
+        return ("Head", "Who the character is: shape and skin of the head") if self.applies else None
+
+    @property
+    def tool(self) -> HeadTool:
+        """The tool that drags points of the head."""
+        return self.context.toolbox.head_tool
+
+    @property
+    def applies(self) -> bool:
+        """True if the head of the open character can be edited."""
+        return self.tool.usable(self.context.session.base_model.character)
+
+    @property
+    def busy(self) -> bool:
+        """True while a slider of the tab is dragged."""
+        return self._drag is not None
+
+    @property
+    def patience(self) -> float:
+        """Seconds for which the loop may sleep."""
+        return 0.0 if self.variations.waiting else super().patience
+
+    def actions(self) -> Sequence[Action | Submenu]:
+        """Return the entries of the menu "Character"."""
+
+        def free() -> bool:
+            return self.applies and not self.context.busy
+
+        return (
+            Action("head-random", "Random head", "Head", self.randomise, (), free, help="Change to a random head"),
+            Action("head-average", "Average head", "Head", self.average, (), free, help="Change to the average head"),
+            Action(
+                "head-original",
+                "Original head",
+                "Head",
+                self.restore_original,
+                (),
+                lambda: free() and self.context.session.document.identity is not None,
+                help="Return to the head of the character's file",
+            ),
+            Action(
+                "head-save",
+                "Save head as character...",
+                "Head",
+                self.ask_to_save,
+                (),
+                free,
+                separated=True,
+                help="Save the character with this head under a new name",
+            ),
+        )
+
+    def session_changed(self) -> None:
+        """Serve the new session's character."""
+        self._editor, self._drag, self._measured = None, None, (None, {})
+        self.model_changed()
+
+    def model_changed(self) -> None:
+        """Discard lines that another edit has left, and thumbnails in another pose."""
+        shown = self.context.session.document.identity
+        if self.caricature is not None and self.caricature.result is not shown:
+            self.caricature = None
+        if self.mixture is not None and self.mixture.result is not shown:
+            self.mixture = None
+        if shown is None or not self.variations.offers(shown):
+            self.variations.close()
+
+    def update(self) -> None:
+        """End the drag of a slider that is no longer drawn, and draw the next thumbnail.
+
+        Raises:
+            Exception: The error of the preparation.
+        """
+        if self._drag is not None and imgui.get_frame_count() > self._drawn:
+            self._end_drag(keep=True)
+        if self._job is not None and self._job.done:
+            job, self._job = self._job, None
+            self.context.redraw()
+            if job.error is not None:
+                raise job.error
+        if not self.context.busy:
+            self.variations.draw_next()
+
+    def draw_tab(self) -> None:
+        """Draw the tab."""
+        self._panel.draw()
+
+    def draw_tool_options(self) -> None:
+        """Draw the options of the tool."""
+        self._panel.draw_tool_options()
+
+    def close(self) -> None:
+        """Release the thumbnails."""
+        self.variations.release()
+
+    def join(self) -> None:
+        """Wait for the preparation."""
+        if self._job is not None:
+            self._job.join()
+
+    # The present head
+
+    @property
+    def editor(self) -> "HeadEditor | None":
+        """The editor of the character's head; None while it is being prepared in the background."""
+        character = self.context.session.base_model.character
+        if self._editor is not None and self._editor.character is character:
+            return self._editor
+        if self._job is None:
+
+            def prepare(_progress: Progress) -> None:
+                from faceposer.identity.editing import head_editor
+
+                editor = head_editor(character)
+                _ = editor.maker
+                self._editor = editor
+
+            self._job = ThreadJob(prepare, self.context.wake)
+        return None
+
+    def require_editor(self) -> "HeadEditor":
+        """Return the editor, prepared now if need be."""
+        from faceposer.identity.editing import head_editor
+
+        self._editor = head_editor(self.context.session.base_model.character)
+        return self._editor
+
+    @property
+    def identity(self) -> Identity:
+        """The head that is shown."""
+        session = self.context.session
+        if session.preview is not None:
+            return session.preview.identity
+        return session.document.identity or self.require_editor().own
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values of all attributes of the head that is shown."""
+        identity = self.identity
+        if self._measured[0] is not identity:
+            self._measured = (identity, self.require_editor().measure(identity))
+        return self._measured[1]
+
+    @property
+    def original_values(self) -> dict[str, float]:
+        """Values of all attributes of the character's own head."""
+        editor = self.require_editor()
+        if self._original[0] is not editor:
+            self._original = (editor, editor.measure(editor.own))
+        return self._original[1]
+
+    # Edits
+
+    def edit(self, key: str, label: str, changed: bool, make: Callable[[Identity], Identity]) -> None:
+        """Start, continue or end the drag of the last drawn slider, which is one step of the history.
+
+        Args:
+            key: Identifier of the slider.
+            label: Name of the step.
+            changed: True if its value has just changed.
+            make: Returns the head for the new value from the one before the drag.
+        """
+        if imgui.is_item_activated() and not self.context.busy:
+            self._drag = _Drag(key, label, self.identity)
+        if self._drag is None or self._drag.key != key:
+            return
+        self._drawn = imgui.get_frame_count()
+        if changed:
+            self.context.session.preview_identity(make(self._drag.before))
+            self.context.redraw()
+        if imgui.is_key_pressed(imgui.Key.escape, False):
+            imgui.internal.clear_active_id()
+            self._end_drag(keep=False)
+        elif not imgui.is_item_active():
+            self._end_drag(keep=True)
+
+    def _end_drag(self, keep: bool) -> None:
+        assert self._drag is not None
+        drag, self._drag = self._drag, None
+        session = self.context.session
+        preview = session.preview
+        session.preview_identity(None)
+        if keep and preview is not None:
+            self.set_identity(preview.identity, drag.label)
+        self.context.redraw()
+
+    def set_identity(self, identity: Identity | None, label: str) -> None:
+        """Change the head as one step, and say so if constraints end with it."""
+        session = self.context.session
+        constrained = bool(session.document.constraints)
+        session.set_identity(identity, label)
+        if constrained:
+            self.context.notify("The pose is accepted without its constraints: they belonged to the other head")
+
+    def randomise(self) -> None:
+        """Change to a random head; what is locked stays."""
+        self._seed += 1
+        self.set_identity(self.random_head(self._seed), "Random head")
+
+    def random_head(self, seed: int) -> Identity:
+        """Return a random head near the density of people, with what is locked as it is."""
+        editor = self.require_editor()
+        present = self.identity
+        free = [name for name in editor.segment_names if name not in self.locked]
+        head = present
+        if free:
+            every = len(free) == len(editor.segment_names)
+            head = editor.random(seed, present, None if every else free, self.variety)
+        return head if SKIN in self.locked else replace(head, texture=editor.random_texture(seed, head))
+
+    def average(self) -> None:
+        """Change to the average head."""
+        self.set_identity(replace(self.require_editor().average, texture=self.identity.texture), "Average head")
+
+    def restore_original(self) -> None:
+        """Return to the head of the character's file."""
+        self.set_identity(None, "Original head")
+
+    def other_head(self) -> Identity | None:
+        """Return the head of the character to mix with, or None without one.
+
+        Raises:
+            FacePoserError: If it cannot be read, or its head is of another topology.
+        """
+        if not self.other:
+            return None
+        if self.other not in self._others:
+            from faceposer.identity.editing import head_editor
+
+            self._others[self.other] = head_editor(load_character(self.other)).own
+        return self._others[self.other]
+
+    # Characters
+
+    def ask_to_save(self) -> None:
+        """Ask for the name of a new character with this head."""
+        title = f"{self.context.session.base_model.character.title} 2"
+        self.context.dialogs.ask(TextQuestion("Save head as character", title, "Save", self.save))
+
+    def save(self, title: str) -> None:
+        """Save the character with this head to the library of characters.
+
+        Raises:
+            FacePoserError: If the name is not possible, or the file cannot be written.
+        """
+        title = title.strip()
+        if not title or len(title) > LONGEST_TITLE:
+            raise FacePoserError(f"Enter a name of at most {LONGEST_TITLE} characters.")
+        context = self.context
+        library = context.characters
+        library.make_folder()
+        stem = "".join(letter if letter.isalnum() else "-" for letter in title.lower()).strip("-") or "head"
+        path: Path = library.new_path(stem)
+        character = context.session.model.character
+        save_character(path, replace(character, name=path.stem, title=title))
+        context.notify(f"Saved {title}: it is in the list of characters")

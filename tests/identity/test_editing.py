@@ -1,0 +1,112 @@
+"""Editing of the head of a character."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from faceposer.errors import FacePoserError
+from faceposer.files.json_documents import convert
+from faceposer.identity.editing import HeadEditor, edited_character, is_editable
+from faceposer.identity.identity import Identity, IdentityJson, SkinTexture
+from faceposer.identity.skin_layers import SkinLayers
+from faceposer.model.face_model import FaceModel
+
+
+@pytest.fixture(scope="module")
+def editor(woman: FaceModel) -> HeadEditor:
+    return HeadEditor(woman.character)
+
+
+def test_a_characters_own_head_is_its_skin(editor: HeadEditor) -> None:
+    skin = editor.character.vertices[: len(editor.skin(editor.own))]
+    # Rounded to steps of 2 micrometres.
+    np.testing.assert_allclose(editor.skin(editor.own), skin, atol=3e-4)
+    assert editor.with_head(editor.own) is editor.character
+
+
+def test_a_head_near_the_own_one_is_near_the_character(editor: HeadEditor) -> None:
+    changed = editor.with_head(editor.own.mixed(editor.average, 1e-3))
+    distances = np.linalg.norm(changed.vertices - editor.character.vertices, axis=1)
+    # Lashes are as long as the man's.
+    assert 0.0 < distances.max() < 0.2
+    moved = np.linalg.norm(changed.shapes - editor.character.shapes, axis=2)
+    assert moved.max() < 0.15
+
+
+def test_attributes_are_set_and_the_others_stay(editor: HeadEditor) -> None:
+    start = editor.random(3)
+    before = editor.measure(start)
+    after = editor.measure(editor.with_attributes(start, {"nose-length": before["nose-length"] + 0.5}))
+    assert after["nose-length"] - before["nose-length"] == pytest.approx(0.5, abs=1e-2)
+    for name, value in before.items():
+        if name not in ("nose-length", "asymmetry"):
+            assert after[name] == pytest.approx(value, abs=2e-2), name
+
+
+def test_setting_an_attribute_back_returns_the_head(editor: HeadEditor) -> None:
+    there = editor.with_attributes(editor.own, {"age": 0.8})
+    back = editor.with_attributes(there, {"age": editor.measure(editor.own)["age"]})
+    np.testing.assert_allclose(editor.skin(back), editor.skin(editor.own), atol=1e-2)
+
+
+def test_random_heads_are_reproducible_and_keep_what_is_locked(editor: HeadEditor) -> None:
+    assert editor.random(5).same(editor.random(5))
+    assert not editor.random(5).same(editor.random(6))
+    nose = editor.random(5, editor.own, free=["nose"])
+    row = editor.segment_names.index("nose")
+    others = [i for i in range(len(editor.segment_names)) if i != row]
+    np.testing.assert_array_equal(nose.shape[others], editor.own.shape[others])
+    np.testing.assert_array_equal(nose.shape[row], editor.random(5).shape[row])
+    # Far from the nose, not a vertex moves.
+    ear = editor.character.regions["ear_left"]
+    np.testing.assert_allclose(editor.skin(nose)[ear], editor.skin(editor.own)[ear], atol=5e-4)
+
+
+def test_average_caricature_and_mixtures_lie_on_a_line(editor: HeadEditor) -> None:
+    own = editor.own
+    assert np.abs(editor.skin(own.scaled(0.0)) - editor.skin(editor.average)).max() < 1e-9
+    halfway = editor.skin(own.mixed(editor.average, 0.5))
+    np.testing.assert_allclose(halfway, editor.skin(own.scaled(0.5)), atol=3e-4)
+    assert editor.distance(editor.average) == 0.0
+    assert editor.distance(own.scaled(2.0)) == pytest.approx(2.0 * editor.distance(own))
+    assert editor.distance(editor.random(1)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_identities_survive_their_file(editor: HeadEditor) -> None:
+    identity = dataclasses.replace(
+        editor.own, texture=SkinTexture((0.5, -1.25), SkinLayers(hair="none", beard=0.3, brow_colour=(0.1, 0.2, 0.3)))
+    )
+    again = convert(identity.to_json(), IdentityJson).identity()
+    assert again.same(identity)
+    assert not again.same(editor.own)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"detail": "AAAA"}, "detail"),
+        ({"detail": "é"}, "detail"),
+        ({"shape": [[0.0], [0.0, 1.0]]}, "shape"),
+        ({"shape": [[1e9]]}, "shape"),
+        ({"shape": []}, "shape"),
+        ({"texture": {"coefficients": [0.0], "layers": {"hair": "mohawk"}}}, "mohawk"),
+        ({"texture": {"coefficients": [0.0], "layers": {"beard": 2.0}}}, "beard"),
+    ],
+)
+def test_damaged_identities_are_refused(editor: HeadEditor, change: dict[str, object], message: str) -> None:
+    with pytest.raises(FacePoserError, match=message):
+        convert({**editor.own.to_json(), **change}, IdentityJson)
+
+
+def test_identities_of_another_model_are_refused(editor: HeadEditor) -> None:
+    with pytest.raises(FacePoserError, match="another version of the model"):
+        edited_character(editor.character, Identity.of(np.zeros((2, 3))))
+
+
+def test_only_characters_of_the_topology_are_editable(man: FaceModel, low: FaceModel, creature: FaceModel) -> None:
+    assert is_editable(man.character)
+    assert not is_editable(low.character)
+    assert not is_editable(creature.character)
+    with pytest.raises(FacePoserError, match="cannot be edited"):
+        HeadEditor(creature.character)

@@ -1,0 +1,112 @@
+"""Textures of skins: learned ones are reproduced, layers act where they should, and skins are recognised."""
+
+import dataclasses
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from faceposer.errors import FacePoserError
+from faceposer.identity.companion_file import read_companion, save_companion
+from faceposer.identity.skin_layers import SkinLayers, random_layers
+from faceposer.identity.texture_model import FORMAT, NOUN, SIZE, TextureModel, load_texture_model
+from faceposer.resources import asset_path
+
+BARE = SkinLayers(hair="none", brows="none", lash_line=0.0)
+
+
+@pytest.fixture(scope="module")
+def model() -> TextureModel:
+    return load_texture_model()
+
+
+@pytest.fixture(scope="module")
+def mean(model: TextureModel) -> np.ndarray:
+    return model.instance(np.zeros(model.n_coefficients))
+
+
+def _at(texture: np.ndarray, u: float, v: float) -> np.ndarray:
+    row, column = int(v * len(texture)), int(u * len(texture))
+    return texture[row - 8 : row + 8, column - 8 : column + 8].reshape(-1, 3).mean(axis=0)
+
+
+FOREHEAD, SCALP, LIPS, CHIN, CHEEK = (0.5, 0.26), (0.5, 0.06), (0.5, 0.585), (0.5, 0.70), (0.36, 0.5)
+
+
+def test_a_texture_has_skin_hair_and_lips(model: TextureModel, mean: np.ndarray) -> None:
+    assert mean.shape == (SIZE, SIZE, 3)
+    assert mean.dtype == np.uint8
+    small = Image.open(io.BytesIO(model.encoded(np.zeros(model.n_coefficients), size=256)))
+    reduced = np.asarray(Image.fromarray(mean).resize((256, 256), Image.Resampling.LANCZOS), dtype=float)
+    assert np.abs(np.asarray(small, dtype=float) - reduced).mean() < 3.0
+    forehead, scalp, lips = (_at(mean, *place) for place in (FOREHEAD, SCALP, LIPS))
+    assert forehead[0] > forehead[1] > forehead[2]
+    assert scalp.mean() < 0.7 * forehead.mean()
+    assert lips[0] / lips[1] > 1.1 * forehead[0] / forehead[1]
+
+
+def test_tone_darkens_the_skin_and_nothing_is_out_of_range(model: TextureModel) -> None:
+    c = model.sample(3)[0]
+    light, dark = (model.instance(model.with_tone(c, tone), BARE) for tone in (-1.0, 1.5))
+    assert _at(dark, *FOREHEAD).mean() < 0.6 * _at(light, *FOREHEAD).mean()
+    assert model.tone(model.with_tone(c, 0.7)) == 0.7
+
+
+def test_layers_act_where_they_are(model: TextureModel, mean: np.ndarray) -> None:
+    zero = np.zeros(model.n_coefficients)
+    blond = model.instance(zero, SkinLayers(hair_colour=(0.8, 0.65, 0.4), beard=1.0, lip_redness=1.0))
+    assert _at(blond, *SCALP).mean() > 1.3 * _at(mean, *SCALP).mean()
+    assert _at(blond, *CHIN).mean() < 0.95 * _at(mean, *CHIN).mean()
+    assert _at(blond, *LIPS)[1] < 0.8 * _at(mean, *LIPS)[1]
+    assert np.array_equal(_at(blond, *CHEEK), _at(mean, *CHEEK))
+
+
+def test_skins_are_recognised_under_other_layers(model: TextureModel) -> None:
+    known = next(c for name, c in model.skins.items() if name.startswith("young_lightskinned_female"))
+    texture = model.instance(known, SkinLayers(hair="combed", brows="arched", hair_colour=(0.5, 0.4, 0.2)), size=512)
+    found = model.project(texture)
+    assert np.abs(found[:3] - known[:3]).max() < 0.35
+    half = np.zeros((512, 512))
+    half[:, :256] = 1.0
+    assert np.abs(model.project(texture, half)[:2] - known[:2]).max() < 0.5
+
+
+def test_labels_are_those_of_the_skins(model: TextureModel) -> None:
+    women = [model.label(c, "gender") for name, c in model.skins.items() if "female" in name]
+    men = [model.label(c, "gender") for name, c in model.skins.items() if "female" not in name]
+    assert min(women) > max(men)
+    c = model.sample(5)[0]
+    older = model.with_label(c, "age", 0.8)
+    assert model.label(older, "age") == pytest.approx(0.8)
+    assert model.tone(older) == pytest.approx(model.tone(c))
+    assert model.label(older, "gender") == pytest.approx(model.label(c, "gender"))
+
+
+def test_random_layers_suit_the_person() -> None:
+    dark = [random_layers(seed, tone=1.6) for seed in range(20)]
+    assert max(np.mean(layers.hair_colour) for layers in dark) < 0.15
+    old = [random_layers(seed, tone=-0.5, age=1.0) for seed in range(20)]
+    assert min(np.mean(layers.hair_colour) for layers in old) > 0.4
+    assert all(random_layers(seed, 0.0, gender=1.2).beard == 0.0 for seed in range(20))
+    assert random_layers(4, 0.0) == random_layers(4, 0.0)
+
+
+def test_bad_input_is_named(model: TextureModel, tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match="no style 'mohawk' of hair"):
+        SkinLayers(hair="mohawk")
+    with pytest.raises(FacePoserError, match="finite numbers"):
+        dataclasses.replace(BARE, beard=np.nan)
+    with pytest.raises(FacePoserError, match="finite coefficients"):
+        model.instance([0.0])
+    with pytest.raises(FacePoserError, match="three channels"):
+        model.project(np.zeros((8, 8)))
+    with pytest.raises(FacePoserError, match="too little bare skin"):
+        model.project(np.full((64, 64, 3), 128), np.zeros((64, 64)))
+    meta, arrays = read_companion(asset_path("identity-textures.npz"), FORMAT, NOUN)
+    damaged = tmp_path / "textures.npz"
+    for changed in ({"masks": arrays["masks"][:0]}, {"skin.0.luma": arrays["skin.0.luma"][:100]}):
+        save_companion(damaged, FORMAT, NOUN, meta, {**arrays, **changed})
+        with pytest.raises(FacePoserError, match="do not belong together"):
+            load_texture_model(damaged)
