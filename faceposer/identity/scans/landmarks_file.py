@@ -38,7 +38,7 @@ class _Feature(JsonDocument):
 
 class _LandmarksFile(JsonDocument):
     points: Annotated[list[_Place | None], msgspec.Meta(min_length=N_POINTS, max_length=N_POINTS)]
-    feature_points: dict[str, _Feature] = {}
+    feature_points: dict[str, _Feature] = msgspec.field(default_factory=dict)
     spread: list[float | None] | msgspec.UnsetType = msgspec.UNSET
     source: str | msgspec.UnsetType = msgspec.UNSET
     kind: str | msgspec.UnsetType = msgspec.UNSET
