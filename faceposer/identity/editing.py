@@ -12,13 +12,14 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.identity.attributes import load_attributes
+from faceposer.identity.attributes import PERSON, load_attributes
+from faceposer.identity.eye_colour import eye_texture, random_eye_colour
 from faceposer.identity.head import HeadMaker
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
-from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.skin_layers import SkinLayers, random_layers
 from faceposer.identity.template import HeadTemplate, head_template
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
@@ -31,8 +32,6 @@ Array = NDArray[np.float64]
 _NOISE, _LEAST_NOISE, _INDEPENDENT, _ROUNDS = 0.3, 0.005, 200, 5
 # Natural range of the labels of skins.
 _NATURAL_LABELS = (-1.0, 1.0)
-# Quality of the encoded textures.
-_QUALITY = 90
 #: Multiples of the deviation from the average at which a caricature becomes grotesque.
 GROTESQUE = 2.5
 
@@ -161,7 +160,7 @@ class HeadEditor:
         shapes = self.maker.shapes(head)
         textures = self.character.textures
         if identity.texture is not None:
-            textures = {**textures, "skin": encoded_skin(identity.texture)}
+            textures = {**textures, **textures_of(identity.texture)}
         return dataclasses.replace(
             self.character,
             vertices=head.vertices.astype(np.float32),
@@ -205,7 +204,20 @@ class HeadEditor:
     def with_attributes(
         self, identity: Identity, values: Mapping[str, float], keep: Collection[str] | None = None, seed: int = 0
     ) -> Identity:
-        """Return the head that measures ``values``; arguments as for ``HeadAttributes.changed``."""
+        """Return the head that measures ``values``.
+
+        Args:
+            identity: A head.
+            values: Values by name of attribute.
+            keep: Attributes that keep their values besides. If None, attributes of the face keep all others; those of
+                the person, such as age, keep each other and change the face as people of that kind differ.
+            seed: As for ``HeadAttributes.changed``.
+
+        Raises:
+            FacePoserError: As for ``HeadAttributes.changed``.
+        """
+        if keep is None and all(self.attributes[name].group != PERSON for name in values):
+            keep = self.attributes.names
         skin = self.aligned_skin(identity)
         changed = self.attributes.changed(skin, values, keep, seed)
         return self._moved(identity, self.template.control(changed - skin))
@@ -262,9 +274,12 @@ class HeadEditor:
         model = load_texture_model()
         drawn = model.sample(seed)[0]
         values = self.measure(identity)
-        for name in ("age", "gender"):
-            drawn = model.with_label(drawn, name, float(np.clip(values[name], *_NATURAL_LABELS)))
-        return SkinTexture(tuple(drawn.tolist()), self._usual_layers(identity))
+        age, gender = (float(np.clip(values[name], *_NATURAL_LABELS)) for name in ("age", "gender"))
+        for name, value in (("age", age), ("gender", gender)):
+            drawn = model.with_label(drawn, name, value)
+        tone = model.tone(drawn)
+        layers = random_layers(seed, tone, gender, age)
+        return SkinTexture(tuple(drawn.tolist()), layers, random_eye_colour(seed, tone))
 
     def _usual_layers(self, identity: Identity) -> SkinLayers:
         """Return layers that fit the gender of ``identity``, as measured."""
@@ -302,12 +317,16 @@ def _coefficients(model: IdentityModel, control: Array, weights: Array) -> Array
 
 
 @lru_cache(maxsize=4)
-def encoded_skin(texture: SkinTexture) -> bytes:
-    """Return the image of a skin's ``texture`` as JPEG, with the size of the shipped ones."""
-    picture = Image.fromarray(load_texture_model().instance(texture.coefficients, texture.layers))
-    data = io.BytesIO()
-    picture.save(data, "JPEG", quality=_QUALITY, subsampling=0)
-    return data.getvalue()
+def _encoded_skin(coefficients: tuple[float, ...], layers: SkinLayers) -> bytes:
+    return load_texture_model().encoded(coefficients, layers)
+
+
+def textures_of(texture: SkinTexture) -> dict[str, bytes]:
+    """Return the encoded images of ``texture`` by material: "skin", and "eye" if the irises have a colour."""
+    images = {"skin": _encoded_skin(texture.coefficients, texture.layers)}
+    if texture.eyes is not None:
+        images["eye"] = eye_texture(texture.eyes)
+    return images
 
 
 def is_editable(character: Character) -> bool:

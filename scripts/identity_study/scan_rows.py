@@ -10,7 +10,7 @@ import numpy as np
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.scans.fitting import STAGES, fit_head
 from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, marked_scan, read_scan, shipped_basis
-from faceposer.identity.scans.learning import learn_model
+from faceposer.identity.scans.learning import learning_rounds
 from faceposer.identity.scans.scan import composed, placed_scan
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.progress import Progress
@@ -73,10 +73,10 @@ def correspondence_rows(sampled: SampledScans, n: int, rounds: int) -> Iterator[
     made = [sampled.scan(seed, _COUNT_LEARNING, damaged=True) for seed in range(_SEED + 1000, _SEED + 1000 + n)]
     meshes = [PaintedMesh(each.mesh.vertices, each.mesh.triangles) for each in made]
     scans = [marked_scan(Scan(f"identity {k}", mesh), Progress()) for k, mesh in enumerate(meshes)]
-    for method, from_mean, counts in (("from the mean", True, range(1, rounds + 1)), ("from the model", False, (1,))):
-        for count in counts:
-            began = time.perf_counter()
-            learned = learn_model(scans, load_identity_model(), count, from_mean=from_mean)
-            errors = [vertex_errors(head, each.truth, face) for head, each in zip(learned.heads, made, strict=True)]
+    for method, from_mean, count in (("from the mean", True, rounds), ("from the model", False, 1)):
+        began = time.perf_counter()
+        for number, learned in enumerate(learning_rounds(scans, load_identity_model(), count, from_mean=from_mean)):
+            pairs = zip(learned.heads, made, strict=True)
+            errors = [vertex_errors(head, each.truth, face) for head, each in pairs]
             seconds = (time.perf_counter() - began) / n
-            yield row("correspondence", method, learned.model.n_coefficients, errors, seconds, rounds=count)
+            yield row("correspondence", method, learned.model.n_coefficients, errors, seconds, rounds=number + 1)

@@ -1,7 +1,8 @@
 """Detail of a scan beyond the model: non-rigid registration where the scan is skin, blended into the model elsewhere.
 
 The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). What it
-finds is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the model:
+finds is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the
+model:
 
     min Σ_v known ω ‖d_v - D_v‖² + λ ‖L d‖² + ε ‖d‖²,
 

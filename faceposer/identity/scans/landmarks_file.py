@@ -38,7 +38,7 @@ class _Feature(JsonDocument):
 
 class _LandmarksFile(JsonDocument):
     points: Annotated[list[_Place | None], msgspec.Meta(min_length=N_POINTS, max_length=N_POINTS)]
-    feature_points: dict[str, _Feature] = msgspec.field(default_factory=dict)
+    feature_points: dict[str, _Feature] = {}
     spread: list[float | None] | msgspec.UnsetType = msgspec.UNSET
     source: str | msgspec.UnsetType = msgspec.UNSET
     kind: str | msgspec.UnsetType = msgspec.UNSET
@@ -66,7 +66,7 @@ def _landmarks_of(data: Any) -> ScanLandmarks:
     if isinstance(content.spread, list) and len(content.spread) == N_POINTS:
         spread = np.array([0.0 if value is None else max(value, 0.0) for value in content.spread])
     features = {name: np.array(feature.place) for name, feature in content.feature_points.items()}
-    known = np.asarray(np.isfinite(points).all(axis=1))
+    known = np.isfinite(points).all(axis=1)
     if not determines_rotation(points[known]):
         raise FacePoserError("it has fewer than three points that are not on a line; find the landmarks again")
     return ScanLandmarks(points, spread, _moved(points, spread, known, features))

@@ -7,7 +7,7 @@
    where closest points alone would let them slide, and so does the next one.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,8 +35,10 @@ Mapper = Callable[..., Iterable[Array]]
 FEWEST = 3
 # Registration without a model, from the landmarks alone.
 _BY_LANDMARKS = RegistrationSettings(
-    stiffness=(1000.0, 300.0, 100.0, 30.0, 10.0), rounds=2, landmark_weight=30.0, farthest=(2.0, 0.5)
+    stiffness=(3000.0, 1000.0, 300.0, 100.0, 30.0), rounds=2, landmark_weight=3.0, farthest=(1.5, 0.5), ridge=3.0
 )
+# Farthest that a landmark may lie from the mean head's, and the spread that halves its weight, in centimetres.
+_FARTHEST, _USUAL = 1.5, 0.2
 # Stages with a model that is still young: its few modes leave more, so that the surface is followed less closely.
 _STAGES = (
     Stage(3, 0.4, None, 0.35),
@@ -98,14 +100,17 @@ def registered(work: Work) -> Array:
     template = TriangleMesh(basis.mean, basis.triangles)
     on_skin = np.flatnonzero(basis.on_skin & np.isfinite(landmarks.points).all(axis=1))
     points = SurfacePoints(basis.landmarks.faces[on_skin], basis.landmarks.barycentric[on_skin])
-    pairs = LandmarkPairs(points, data.places[: len(on_skin)], 1.0 / (1.0 + data.spreads[: len(on_skin)] ** 2))
+    places, spreads = data.places[: len(on_skin)], data.spreads[: len(on_skin)]
+    apart = np.linalg.norm(places - points.positions(basis.mean, basis.triangles), axis=1)
+    # Points in open eyes may have been lifted to a surface behind them.
+    pairs = LandmarkPairs(points, places, np.where(apart < _FARTHEST, 1.0 / (1.0 + (spreads / _USUAL) ** 2), 0.0))
     searching = basis.trust > 0.0
     found = register(template, data.surface.mesh, pairs, _BY_LANDMARKS, searching=searching, frame=IDENTITY)
     laid = rigid_alignment(basis.mean[found.used], found.vertices[found.used], scale=True).apply(basis.mean)
     return laid + faded(basis, found.vertices - laid, found.used)
 
 
-def learn_model(
+def learning_rounds(
     scans: Sequence[Scan],
     start: IdentityModel,
     rounds: int = 3,
@@ -113,8 +118,8 @@ def learn_model(
     from_mean: bool = False,
     mapper: Mapper = map,
     progress: Progress | None = None,
-) -> LearnedModel:
-    """Learn a model from ``scans`` of different people.
+) -> Iterator[LearnedModel]:
+    """Yield the model after each round of learning from ``scans`` of different people.
 
     Args:
         scans: The scans with their landmarks, at least three.
@@ -132,17 +137,17 @@ def learn_model(
     if len(scans) < FEWEST:
         raise FacePoserError(f"A model needs at least {FEWEST} scans; there are {len(scans)}.")
     progress = progress or Progress()
-    model, heads = start, np.zeros((0, 0, 3))
+    model = start
     for number in range(rounds):
         basis = basis_of(model)
         by_model = number > 0 or not from_mean
-        results = []
+        results: list[Array] = []
         for head in mapper(registered, [Work(scan, basis, by_model) for scan in scans]):
-            progress.at("Registering the scans", (number * len(scans) + len(results)) / (rounds * len(scans)))
             results.append(head)
+            progress.at("Registering the scans", (number * len(scans) + len(results)) / (rounds * len(scans)))
         heads = aligned_heads(np.stack(results), basis.trust)
         model = _model_of(heads, start, n_modes)
-    return LearnedModel(model, heads)
+        yield LearnedModel(model, heads)
 
 
 def aligned_heads(heads: Array, weights: Array) -> Array:

@@ -44,6 +44,7 @@ class HeadFeature(Feature):
     Attributes:
         variety: Standard deviations of random heads, relative to those of people.
         locked: Parts that random heads leave as they are: names of segments, and "skin".
+        keeps_features: True if attributes of the person leave those of the face as they are.
         other: Character to mix with, as a name or path, or "".
         variations: Grid of random heads to choose from.
         caricature: Line through the average, or None before the slider is moved.
@@ -56,6 +57,7 @@ class HeadFeature(Feature):
         super().__init__(context)
         self.variety = 0.8
         self.locked: frozenset[str] = frozenset()
+        self.keeps_features = False
         self.other = ""
         self.caricature: Line | None = None
         self.mixture: Line | None = None
