@@ -145,7 +145,7 @@ def _measured(editor: HeadEditor, head: Identity) -> dict[str, float]:
 
 
 def head_rows(n: int) -> Iterator[dict[str, Any]]:
-    """Yield what ``n`` random heads leave open in a blink, and how deep parts intersect (``scripts/study_heads.py``)."""
+    """Yield what ``n`` random heads leave open in a blink and how deep parts intersect, by ``scripts.study_heads``."""
     model = load_identity_model()
     began = time.perf_counter()
     found = [study(model.instance(head), _DRAWS, seed) for seed, head in enumerate(model.sample(0, n))]

@@ -52,7 +52,7 @@ def test_what_is_to_stay() -> None:
 def test_the_worst_of_random_heads_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def study(skin: np.ndarray, draws: int, seed: int) -> dict[str, object]:
         assert skin.shape == (head_template().n_skin, 3)
-        depths = {kind: 0.01 * (seed + 1) for kind in KINDS}
+        depths = dict.fromkeys(KINDS, 0.01 * (seed + 1))
         return {
             "blink_gap_mm": 0.1 * seed,
             "poses": 5,
