@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from faceposer.gui.features.scan.feature import ScanFeature
     from faceposer.gui.features.scan.work import MarkedScan
 
-_WIDTH, _TALLEST, _LABEL = 44.0, 48.0, 7.0
+# Heights of pages with a picture and of the others.
+_WIDTH, _TALLEST, _LOW, _LABEL = 44.0, 48.0, 24.0, 7.0
 # Height of a page beside its picture.
 _AROUND = 14.0
 _BUTTONS = {
@@ -61,7 +62,8 @@ class ScanDialog:
     def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the current page; ``draw_above`` draws the dialogs above it."""
         scan = self._scan
-        with modal("##scan", _WIDTH, _TALLEST) as shown:
+        pictures = scan.job is None and scan.page != "form"
+        with modal("##scan", _WIDTH, _TALLEST if pictures else _LOW) as shown:
             if not shown:
                 draw_above()
                 return

@@ -1,7 +1,8 @@
 """The work of the dialog in the background: landmarks of scans with pictures, and the fit with its distance map."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,7 @@ class FittedHead:
     """
 
     character: Character
-    report: dict[str, object]
+    report: Mapping[str, Any]
     picture: NDArray[np.uint8]
 
 
