@@ -7,6 +7,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
+from faceposer.gui.features.head_making.feature import MadeHead
 from faceposer.gui.features.scan import work
 from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.testing.scripted_user import Robot
@@ -84,10 +85,9 @@ def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypa
 
     asked: list[tuple[bool, bool, str]] = []
 
-    def fit(scans: list[work.MarkedScan], detail: bool, texture: bool, title: str, _: Progress) -> work.FittedHead:
+    def fit(scans: list[work.MarkedScan], detail: bool, texture: bool, title: str, _: Progress) -> MadeHead:
         asked.append((detail, texture, title))
-        report = {"surface_mm_median": 0.1, "surface_mm_mean": 0.2}
-        return work.FittedHead(load_character("man"), report, np.zeros((20, 60, 3), dtype=np.uint8))
+        return MadeHead(load_character("man"), "It fits.", np.zeros((20, 60, 3), dtype=np.uint8))
 
     monkeypatch.setattr(work, "fit_head", fit)
     robot.click_widget("scan:fit")
@@ -105,7 +105,7 @@ def test_what_is_wrong_is_said_in_the_dialog(robot: Robot, tmp_path: Path) -> No
     state = feature(robot)
     state.add(tmp_path / "photo.png")
     robot.frames(2)
-    assert "is no mesh" in state.error
+    assert "is no scan" in state.error
     cube = tmp_path / "cube.obj"
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
     write_obj(cube, corners, np.array([[0, 1, 3, 2], [4, 6, 7, 5]], dtype=np.int32))
