@@ -6,9 +6,7 @@ import numpy as np
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
-from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
-from faceposer.geometry.mtl_io import read_obj_textures
+from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_textured_mesh
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.painting import painted_character, painted_file
 from faceposer.model.character_file import available_characters, load_character
@@ -28,16 +26,9 @@ def read_painted(what: str) -> PaintedMesh:
         FacePoserError: If it cannot be read.
     """
     path = paths.expand_user(what)
-    suffix = path.suffix.lower()
-    if suffix not in MESH_SUFFIXES:
+    if path.suffix.lower() not in MESH_SUFFIXES:
         return painted_character(load_character(what))
-    mesh = read_mesh(path)
-    textures: dict[str, bytes] = {}
-    if suffix in GLTF_SUFFIXES:
-        textures = dict(read_gltf(path).textures)
-    elif suffix == ".obj":
-        textures, _ = read_obj_textures(path, mesh)
-    painted = painted_file(mesh, textures)
+    painted = painted_file(*read_textured_mesh(path))
     if not len(painted.triangles) or not np.isfinite(painted.vertices).all():
         raise FacePoserError(f"The mesh '{path}' has no faces; choose a file with a surface.")
     return painted

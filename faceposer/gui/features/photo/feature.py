@@ -78,7 +78,7 @@ class PhotoFeature(Feature):
         return self.context.session.document.photos
 
     @property
-    def options_in_tab(self) -> bool:
+    def traced(self) -> bool:
         """True with a photo: the tools then draw over it."""
         return bool(self.photos)
 
