@@ -105,7 +105,7 @@ def _laid_out(uv: Array, corner_uvs: NDArray[np.integer], basis: HeadBasis, skin
     """Return 1 where the layout has skin that lies on the scan, 0 where other skin, and -1 beside it, (side, side)."""
     pixels = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1) * _SIDE
     faces, _ = visible_triangles(pixels, np.ones(len(uv)), corner_uvs, (_SIDE, _SIDE))
-    on_scan = skin[basis.triangles].all(axis=1).astype(np.int8)
+    on_scan = np.asarray(skin[basis.triangles].all(axis=1), dtype=np.int8)
     return np.where(faces >= 0, on_scan[np.maximum(faces, 0)], -1).astype(np.int8).reshape(_SIDE, _SIDE)
 
 
@@ -152,12 +152,12 @@ def _factors(colours: Image32, share: Image32, under: Image32) -> Image32:
     weights = _reduced(share[..., None], step)[..., 0]
     known = np.maximum(weights, 1e-6)[..., None]
     ours, theirs = (_reduced(image * share[..., None], step) / known for image in (colours, under))
-    logs = np.log(np.maximum(ours, 2.0) / np.maximum(theirs, 2.0)).astype(np.float32)
+    logs: Image32 = np.log(np.maximum(ours, 2.0) / np.maximum(theirs, 2.0)).astype(np.float32)
     # Lips and brows of the two do not lie on each other: differences of detail are no differences of tone.
     if (weights > 0.5).any():
         low, high = np.quantile(logs[weights > 0.5], (0.05, 0.95), axis=0).astype(np.float32)
         logs = np.clip(logs, low, high).astype(np.float32)
-    filled = _pulled_and_pushed(logs, np.minimum(weights, 1.0))
+    filled = _pulled_and_pushed(logs, np.minimum(weights, 1.0).astype(np.float32))
     zoom = ndimage.zoom(filled, (step, step, 1), order=1, grid_mode=True, mode="nearest")
     factors: Image32 = np.clip(np.exp(zoom), *_FACTORS).astype(np.float32)
     return factors
@@ -175,7 +175,8 @@ def _pulled_and_pushed(values: Image32, weights: Image32) -> Image32:
         return values
     sums = _reduced(values * weights[..., None], 2)
     shares = _reduced(weights[..., None], 2)
-    coarse = _pulled_and_pushed(sums / np.maximum(shares, 1e-6), np.minimum(1.0, 4.0 * shares[..., 0]))
+    means: Image32 = (sums / np.maximum(shares, 1e-6)).astype(np.float32)
+    coarse = _pulled_and_pushed(means, np.minimum(1.0, 4.0 * shares[..., 0]).astype(np.float32))
     wide = ndimage.zoom(coarse, (2, 2, 1), order=1, grid_mode=True, mode="nearest")
     opacity = weights[..., None]
     result: Image32 = opacity * values + (1.0 - opacity) * wide
