@@ -23,6 +23,8 @@ _PANEL = (480, 600)
 _CHECKED_SIDE = 1024
 # Mean error, as a share of the pins' extent, above which no camera explains the pins.
 _LARGEST_ERROR = 0.15
+# Number of shapes that are listed with the expression of a photo, and the least weight.
+_SHOWN, _LEAST_SHOWN = 8, 0.1
 
 
 def add_parser(commands: Any) -> None:
@@ -30,13 +32,13 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         NAME,
         help="pose a face from a photo",
-        description="Estimate the camera of a photo from pins, pose the face to match and write the session.",
+        description="Estimate the camera of a photo, pose the face to match and write the session.",
     )
     parser.add_argument("what", metavar="CHARACTER|SESSION", help="character, or session to add the photo to")
     parser.add_argument("photo", type=Path, metavar="PHOTO", help="photo: JPEG, PNG or another common format")
-    parser.add_argument(
-        "--pins", type=Path, metavar="PINS.json", required=True, help="pins on the photo (docs/photo.md)"
-    )
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--pins", type=Path, metavar="PINS.json", help="pins on the photo (docs/photo.md)")
+    source.add_argument("--auto", action="store_true", help="find the face and take its expression, without pins")
     parser.add_argument(
         "-o", "--output", type=output_path, metavar="SESSION.json", required=True, help="session to write"
     )
@@ -59,10 +61,12 @@ def run(options: argparse.Namespace) -> int:
     if options.render is not None:
         check_output(options.render, ".png")
     # The output may be the input session, which then gains the photo.
-    check_not_input(options.output, options.photo, options.pins)
+    check_not_input(options.output, options.photo, *([options.pins] if options.pins else []))
     check_not_input(options.render, options.photo)
     if options.focal is not None and not 1.0 <= options.focal <= 1e6:
         raise FacePoserError("The focal length must be between 1 and 1,000,000 pixels.")
+    if options.auto:
+        return _run_automatic(options)
     from dataclasses import replace
 
     from faceposer.cli.opening import open_with_remark
@@ -115,6 +119,37 @@ def run(options: argparse.Namespace) -> int:
     )
     if mean > _LARGEST_ERROR * _extent([pin for i, pin in enumerate(pins) if i in aligned_errors]):
         print("No camera explains these pins: check the feature point of each pin, and the focal length.")
+    return 0
+
+
+def _run_automatic(options: argparse.Namespace) -> int:
+    """Take the expression of the face that is found in the photo, and return the exit status."""
+    from dataclasses import replace
+
+    from faceposer.cli.opening import open_with_remark
+    from faceposer.photo.automatic import expression_of
+    from faceposer.photo.faces import read_face
+
+    found = read_face(options.photo, options.focal)
+    session = _with_spread(open_with_remark(options.what), options.spread)
+    taken = expression_of(found, session.model)
+    camera = taken.photo.camera
+    assert camera is not None
+    with session.edit("Open a photo"):
+        session.replace(replace(session.document, photos=(*session.document.photos, taken.photo)))
+    if not options.no_pose:
+        session.rebase_pose(taken.pose, "Take the expression")
+    session.wait()
+    weights = session.model.weights_of(session.coefficients)
+    shown = sorted(zip(session.model.character.shape_names, weights.tolist(), strict=True), key=lambda pair: -pair[1])
+    print(", ".join(f"{name} {weight:.2f}" for name, weight in shown[:_SHOWN] if weight >= _LEAST_SHOWN))
+    if options.render is not None:
+        from faceposer.render.images import write_png
+
+        write_png(options.render, _comparison(session, taken.photo))
+        print(f"{options.render} written")
+    session.save(options.output, camera)
+    print(f"{options.output} written: landmarks {taken.fit.landmark_px(0) * found.factor:.1f} px off the person's head")
     return 0
 
 

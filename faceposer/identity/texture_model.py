@@ -41,6 +41,8 @@ _NOISE = 0.05
 _LIPSTICK = np.array([0.05, -0.55, -0.35])
 #: Part of the texture with the face: first and last row and column, as shares.
 _FACE = (0.22, 0.86, 0.25, 0.75)
+#: Density of the brows of average skin in `log_basis`, and standard deviations of redness and densities there.
+_USUAL_BROWS, _LIPS_SPREAD, _BROWS_SPREAD, _STUBBLE_SPREAD = 0.7, 0.4, 0.4, 0.25
 _CHANNELS = ("luma", "red", "blue")
 _TILES = [
     (slice(row, row + _TILE), slice(column, column + _TILE))
@@ -179,6 +181,32 @@ class TextureModel:
         gram = rows[1:] @ rows[1:].T / _NOISE**2 + np.eye(self.n_coefficients)
         result: Array = np.linalg.solve(gram, rows[1:] @ seen / _NOISE**2).astype(np.float64)
         return result
+
+    def log_basis(self, size: int) -> tuple[Image32, Image32]:
+        """Return logarithms of the colour of skin with lips and brows, without hair, pores and creases.
+
+        Args:
+            size: Width and height of the images, in pixels.
+
+        Returns:
+            The mean, shape (3, size, size), and the K modes followed by the redness of the lips and the densities of
+            brows and stubble, each in standard deviations of people, shape (K + 3, 3, size, size).
+        """
+        luma = np.stack([_resized(image, size) for image in self.luma])
+        red, blue = (np.stack([_resized(image, size) for image in self.chroma[:, k]]) for k in (0, 1))
+        logs = np.stack([luma + red, luma - red - blue, luma + blue], axis=1)
+        lips, folds = (_resized(self._masks.planes[k] / np.float32(255.0), size) for k in (0, 5))
+        logs += lips * self.lips[:, :, None, None].astype(np.float32)
+        brows, stubble = (
+            np.log(np.maximum(_resized(self._hair_layer(name).planes[0] / np.float32(255.0), size), 0.1))
+            for name in ("brows.straight", "beard")
+        )
+        logs[0] += brows * np.float32(_USUAL_BROWS)
+        logs[0] += np.log(np.maximum(folds, 0.02)) * (FOLDS * FOLDS_SHARE)[:, None, None]
+        redness = _LIPS_SPREAD * lips * _LIPSTICK[:, None, None]
+        dark = np.ones((3, 1, 1))
+        further = np.stack([redness, _BROWS_SPREAD * brows * dark, _STUBBLE_SPREAD * stubble * dark])
+        return logs[0], np.concatenate([logs[1:], further.astype(np.float32)])
 
     def _checked(self, coefficients: ArrayLike) -> Array:
         given = np.asarray(coefficients, dtype=np.float64)

@@ -13,6 +13,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.head.feature import HeadFeature
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.gui.features.photo.feature import PhotoFeature
+    from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
     from faceposer.gui.features.poses.feature import PosesFeature
     from faceposer.gui.features.preferences.feature import PreferencesFeature
     from faceposer.gui.features.range_marks.feature import RangeMarksFeature
@@ -33,6 +34,7 @@ def build_features(context: EditorContext) -> Features:
         TransferFeature,
         ImportCharacterFeature,
         ScanFeature,
+        PhotoHeadFeature,
         ExportFeature,
         RangeMarksFeature,
         SketchFeature,

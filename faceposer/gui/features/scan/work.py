@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from faceposer.errors import counted
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
+from faceposer.gui.features.head_making.feature import MadeHead, file_stem
 from faceposer.identity.character import character_of
 from faceposer.identity.registration import align
 from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, read_scan, shipped_basis
@@ -17,7 +18,6 @@ from faceposer.identity.scans.pictures import distance_map
 from faceposer.identity.scans.scan import ScanLandmarks, find_scan_landmarks
 from faceposer.landmarks.drawing import Drawing, draw
 from faceposer.landmarks.reference import reference
-from faceposer.model.character import Character
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
@@ -53,6 +53,22 @@ class MarkedScan:
     places: dict[str, Array]
     moved: frozenset[str] = frozenset()
 
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return self.scan.name
+
+    @property
+    def image(self) -> NDArray[np.uint8]:
+        """The picture, shape (h, w, 3)."""
+        return self.drawing.image
+
+    @property
+    def pixels(self) -> dict[str, tuple[float, float]]:
+        """Pixels of the movable feature points, by name."""
+        projected = self.camera.project(np.stack(list(self.places.values()))).tolist()
+        return {name: (u, v) for name, (u, v) in zip(self.places, projected, strict=True)}
+
     def with_moved(self, name: str, pixel: tuple[float, float]) -> "MarkedScan":
         """Return the scan with feature point ``name`` at ``pixel`` of the picture, or as it is off the surface."""
         height, width = self.drawing.faces.shape
@@ -69,21 +85,6 @@ class MarkedScan:
         back = self.frame.inverse()
         features = {name: back.apply(self.places[name][None])[0] for name in self.moved}
         return replace(self.scan, landmarks=ScanLandmarks(landmarks.points, landmarks.spread, features))
-
-
-@dataclass(frozen=True, eq=False)
-class FittedHead:
-    """The character that was made.
-
-    Attributes:
-        character: The character.
-        report: What was measured, as JSON.
-        picture: Pictures of the first scan, the head and their distance, shape (h, w, 3).
-    """
-
-    character: Character
-    report: dict[str, object]
-    picture: NDArray[np.uint8]
 
 
 def find_landmarks(files: Sequence[str], progress: Progress) -> list[MarkedScan]:
@@ -121,7 +122,7 @@ def _camera(middle: Array) -> Camera:
     return Camera(rotation, -rotation @ centre, _SIDE * _DISTANCE / _WIDTH, (_SIDE, _SIDE))
 
 
-def fit_head(marked: Sequence[MarkedScan], detail: bool, texture: bool, title: str, progress: Progress) -> FittedHead:
+def fit_head(marked: Sequence[MarkedScan], detail: bool, texture: bool, title: str, progress: Progress) -> MadeHead:
     """Make a character of the scans.
 
     Raises:
@@ -131,7 +132,13 @@ def fit_head(marked: Sequence[MarkedScan], detail: bool, texture: bool, title: s
     scans = [one.with_landmarks() for one in marked]
     made = head_from_scans(scans, detail, texture, progress)
     progress.at("Making the character")
-    stem = "".join(letter if letter.isalnum() else "-" for letter in title.lower()).strip("-") or "head"
     credits = f"Made from {counted(len(scans), 'scan')}: {', '.join(scan.name for scan in scans)}."
-    character = character_of(made.skin, name=stem, title=title or "Head", textures=made.textures, credits=credits)
-    return FittedHead(character, made.report, distance_map(shipped_basis(), made.scans[0]))
+    shown = title or "Head"
+    character = character_of(made.skin, name=file_stem(shown), title=shown, textures=made.textures, credits=credits)
+    report = made.report
+    text = (
+        f"Distance of the head from the scan: {report['surface_mm_median']:.2f} mm median, "
+        f"{report['surface_mm_mean']:.2f} mm mean. Left the scan, middle the head, right their distance, from blue to "
+        "red at 2 mm."
+    )
+    return MadeHead(character, text, distance_map(shipped_basis(), made.scans[0]))

@@ -1,0 +1,117 @@
+"""``faceposer identity fit-photo``: makes a character of photos of a person."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from faceposer.cli.arguments import number_between, output_path
+from faceposer.errors import FacePoserError, counted, printable
+from faceposer.files.atomic import check_not_input, check_output
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from faceposer.identity.photos.head_from_photos import HeadFromPhotos
+    from faceposer.photo.faces import FaceInPhoto
+
+NAME = "fit-photo"
+_MOST_PHOTOS = 20
+
+
+def add_parser(subcommands: Any) -> None:
+    """Add the parser of ``fit-photo`` to ``subcommands``."""
+    parser = subcommands.add_parser(
+        NAME,
+        help="make a character of photos of a person",
+        description="Make a character of one or more photos of a person (docs/photo-heads.md).",
+    )
+    parser.add_argument("photos", nargs="+", type=Path, metavar="PHOTO", help="photo: JPEG, PNG or another common format")
+    parser.add_argument(
+        "-o", "--output", type=output_path, required=True, metavar="CHARACTER.npz", help="write the character"
+    )
+    parser.add_argument("--report", type=output_path, metavar="R.json", help="write what was measured")
+    parser.add_argument(
+        "--session",
+        type=output_path,
+        metavar="SESSION.json",
+        help="write a session with the character, the first photo, its camera and its expression",
+    )
+    parser.add_argument(
+        "--likelihood",
+        type=lambda text: number_between(text, 0.05, 20.0),
+        default=1.0,
+        metavar="X",
+        help="weight of what is usual: below 1 for more likeness, above 1 for a likelier head (default: 1)",
+    )
+    parser.add_argument(
+        "--landmarks-only", dest="dense", action="store_false", help="use landmarks, not the colours of the photos"
+    )
+    parser.add_argument("--name", help="short name of the character; that of the output if not given")
+    parser.add_argument("--title", help="display name of the character; its short name if not given")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit the head, write what is asked for and return the exit status."""
+    outputs = ((options.output, ".npz"), (options.report, ".json"), (options.session, ".json"))
+    for path, suffix in outputs:
+        if path is not None:
+            check_output(path, suffix)
+            check_not_input(path, *options.photos)
+    from faceposer.cli.progress_line import ProgressLine
+    from faceposer.files.writing import write_json
+    from faceposer.identity.photos.head_from_photos import head_from_photos
+    from faceposer.model.character_file import save_character
+    from faceposer.photo.faces import read_face
+
+    if len(options.photos) > _MOST_PHOTOS:
+        raise FacePoserError(f"There are {len(options.photos)} photos; give at most {_MOST_PHOTOS}.")
+    found = [read_face(path) for path in options.photos]
+    name = options.name or options.output.stem
+    line = ProgressLine()
+    try:
+        made = head_from_photos(
+            [one.face for one in found],
+            [one.pixels for one in found],
+            [str(path) for path in options.photos],
+            name=name,
+            title=options.title or name,
+            likelihood=options.likelihood,
+            dense=options.dense,
+            progress=line.progress,
+        )
+    finally:
+        line.clear()
+    save_character(options.output, made.character)
+    for photo in made.report["photos"]:
+        colours = "" if photo["residual"] is None else f", colours {photo['residual']:.3f}"
+        print(printable(f"{photo['photo']}: landmarks {photo['landmark_px']:.1f} px{colours} off"))
+    if options.dense and not made.report["refined"]:
+        print("Colours did not improve the head, which is that of the landmarks.")
+    print(f"{options.output} written from {counted(len(found), 'photo')} in {made.report['seconds']:.1f} s")
+    if options.report is not None:
+        write_json(options.report, made.report, "report")
+        print(f"{options.report} written")
+    if options.session is not None:
+        _write_session(options, found, made)
+        print(f"{options.session} written")
+    return 0
+
+
+def _write_session(options: argparse.Namespace, found: "Sequence[FaceInPhoto]", made: "HeadFromPhotos") -> None:
+    """Write the session of the first photo, whose pose is its expression."""
+    from dataclasses import replace
+
+    from faceposer.cli.opening import open_with_remark
+    from faceposer.landmarks.feature_points import feature_pixels
+    from faceposer.photo.photo import Photo, Pin
+
+    first = found[0]
+    camera = first.full_camera(made.cameras[0])
+    pins = tuple(Pin(place, pixel) for place, pixel in feature_pixels(first.full_landmarks()).items())
+    photo = Photo(str(first.path.absolute()), first.file.size, pins, camera, first.file.focal)
+    session = open_with_remark(str(options.output))
+    with session.edit("Open a photo"):
+        session.replace(replace(session.document, photos=(photo,)))
+    session.rebase_pose(made.poses[0], "Take the expression")
+    session.wait()
+    session.save(options.session, camera)

@@ -1,0 +1,1 @@
+"""Heads, expressions, cameras and light from photos."""

@@ -1,0 +1,220 @@
+"""A head from photos of one person: identity, texture, character, and the pose, the camera and the light of each photo."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError, counted
+from faceposer.geometry.camera import Camera
+from faceposer.identity.editing import textures_of
+from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.photos.dense_fit import DenseFit, DenseFitter, DenseSettings
+from faceposer.identity.photos.face_camera import FaceCamera
+from faceposer.identity.photos.face_crop import FaceCrop
+from faceposer.identity.photos.face_places import FacePlaces, load_face_places
+from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
+from faceposer.identity.photos.landmark_fit import LandmarkFit, PhotoFace, fit_landmarks, fit_points
+from faceposer.identity.photos.photo_texture import LitPhoto, photo_texture
+from faceposer.identity.photos.skin_samples import shipped_samples
+from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.texture_model import LIMIT, load_texture_model
+from faceposer.model.character import Character
+from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.progress import Progress
+
+Array = NDArray[np.float64]
+
+#: Largest turn of a face to a side, in radians, at which its points are still found.
+MOST_YAW = 1.05
+# Height of the face, in pixels, in the crop from which the texture is taken.
+_TEXTURE_HEIGHT = 900.0
+_DIGITS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class HeadFromPhotos:
+    """A head from photos.
+
+    Attributes:
+        identity: Its identity; the character also has the colours of the photos.
+        model: Face model of its character.
+        poses: Its pose in each photo, shape (r,) each.
+        cameras: The camera of each photo, in pixels of the images given.
+        lights: The light in each photo in the axes of its camera, (9, 3) each.
+        report: What was measured, as JSON.
+    """
+
+    identity: Identity
+    model: FaceModel
+    poses: tuple[Array, ...]
+    cameras: tuple[Camera, ...]
+    lights: tuple[Array, ...]
+    report: dict[str, Any]
+
+    @property
+    def character(self) -> Character:
+        """The character with this head."""
+        return self.model.character
+
+
+def head_from_photos(
+    faces: Sequence[PhotoFace],
+    images: Sequence[NDArray[np.uint8]],
+    names: Sequence[str],
+    *,
+    name: str,
+    title: str,
+    likelihood: float = 1.0,
+    dense: bool = True,
+    settings: DenseSettings | None = None,
+    progress: Progress | None = None,
+) -> HeadFromPhotos:
+    """Return the head of the person whom photos show.
+
+    Args:
+        faces: The face in each photo.
+        images: The pixels of each photo, shape (h, w, 3) each.
+        names: Names of the photos for messages.
+        name: Short name of the character.
+        title: Its display name.
+        likelihood: Weight of the density of heads: below 1 for more likeness, above 1 for a likelier head.
+        dense: Refine the head by the colours of the photos, and take them over.
+        settings: Settings of the refinement.
+        progress: Progress to update.
+
+    Raises:
+        FacePoserError: If a face is seen from the side.
+    """
+    begun = time.perf_counter()
+    progress = progress or Progress()
+    progress.at("Preparing the model of heads")
+    basis, places = head_basis(), load_face_places()
+    crops = [FaceCrop.of(face, image) for face, image in zip(faces, images, strict=True)]
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, likelihood, progress)
+    check_turns(fit, names)
+    found: DenseFit | None = None
+    if dense:
+        found = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings).fit(progress)
+    rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
+    identity = Identity.of(rows)
+    if found is not None:
+        identity = replace(identity, texture=_skin_texture(found, basis, identity))
+    progress.at("Making the character")
+    model = build_face_model(_named(basis.editor.with_head(identity), name, title, len(faces)))
+    views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
+    lights: tuple[Array, ...] = () if found is None else found.lights
+    if found is not None and identity.texture is not None:
+        progress.at("Taking the colours of the photos")
+        lit = [
+            _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
+            for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
+        ]
+        skin = photo_texture(lit, textures_of(identity.texture)["skin"], basis, places)
+        textures = {**model.character.textures, "skin": skin}
+        model = model.with_character(replace(model.character, textures=textures))
+    cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))
+    report = _report(names, crops, fit, found, cameras, basis)
+    report["seconds"] = round(time.perf_counter() - begun, 2)
+    return HeadFromPhotos(identity, model, tuple(pose for pose, _ in views), cameras, lights, report)
+
+
+def check_turns(fit: LandmarkFit, names: Sequence[str]) -> None:
+    """Raise FacePoserError if a face is seen from the side, where its points are guesses."""
+    for view, photo in zip(fit.state.views, names, strict=True):
+        yaw = turn_of(view.camera.rotation)
+        if abs(yaw) > MOST_YAW:
+            raise FacePoserError(
+                f"The face in '{photo}' is turned by {np.degrees(abs(yaw)):.0f} degrees, and at most "
+                f"{np.degrees(MOST_YAW):.0f} can be used; use a photo more from the front."
+            )
+
+
+def turn_of(rotation: Array) -> float:
+    """Return the angle between the face and the camera about the vertical axis, from a world-to-camera rotation."""
+    facing = rotation @ (0.0, 0.0, 1.0)
+    return float(np.arctan2(facing[0], -facing[2]))
+
+
+def camera_json(camera: Camera) -> dict[str, Any]:
+    """Return a camera for a report."""
+    return {
+        "focal_px": round(camera.focal, 2),
+        "size": list(camera.size),
+        "rotation": camera.rotation.round(6).tolist(),
+        "translation": camera.translation.round(_DIGITS).tolist(),
+        "yaw_degrees": round(float(np.degrees(turn_of(camera.rotation))), 2),
+    }
+
+
+def _view(
+    crop: FaceCrop,
+    number: int,
+    fit: LandmarkFit,
+    found: DenseFit | None,
+    model: FaceModel,
+    basis: HeadBasis,
+    places: FacePlaces,
+) -> tuple[Array, FaceCamera]:
+    """Return the pose and the camera of photo ``number`` for the character made."""
+    if found is not None and found.refined:
+        view = found.state.views[number]
+        weights = basis.model.weights_of(view.pose)
+        lower, upper = model.character.shape_limits.T.astype(np.float64)
+        return model.coefficients_of(np.where(upper > lower, np.clip(weights, lower, upper), weights)), view.camera
+    posed = fit_points([crop.face], basis.landmarks_of(model, places), ExpressionPrior.of(model), places)
+    return posed.state.views[0].pose, posed.state.views[0].camera
+
+
+def _lit_photo(
+    crop: FaceCrop, face: PhotoFace, image: NDArray[np.uint8], camera: FaceCamera, vertices: Array, light: Array
+) -> LitPhoto:
+    """Return the photo at the size at which its colours are taken."""
+    large = FaceCrop.of(face, image, _TEXTURE_HEIGHT)
+    x, y = ((there - here) * crop.factor for there, here in zip(large.corner, crop.corner, strict=True))
+    size = (large.image.shape[1], large.image.shape[0])
+    return LitPhoto(large.image, camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light)
+
+
+def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity) -> SkinTexture:
+    """Return the texture of the model that is most like the photos, with the usual layers of such a head."""
+    k = load_texture_model().n_coefficients
+    coefficients = np.clip(found.state.texture[:k], -LIMIT, LIMIT)
+    female = basis.editor.measure(identity)["gender"] > 0.0
+    layers = SkinLayers(hair="combed" if female else "short", brows="arched" if female else "straight")
+    return SkinTexture(tuple(coefficients.tolist()), layers)
+
+
+def _report(
+    names: Sequence[str],
+    crops: Sequence[FaceCrop],
+    fit: LandmarkFit,
+    found: DenseFit | None,
+    cameras: Sequence[Camera],
+    basis: HeadBasis,
+) -> dict[str, Any]:
+    photos = []
+    for number, (photo, crop, camera) in enumerate(zip(names, crops, cameras, strict=True)):
+        entry: dict[str, Any] = {
+            "photo": photo,
+            "landmark_px": round(fit.landmark_px(number) / crop.factor, 2),
+            "residual": None if found is None else round(found.residuals[number], _DIGITS),
+            "camera": camera_json(camera),
+            "light": None if found is None else found.lights[number].round(_DIGITS).tolist(),
+        }
+        photos.append(entry)
+    rows = fit.state.shape[None] if found is None else found.rows
+    return {
+        "photos": photos,
+        "refined": found is not None and found.refined,
+        "likelihood": round(basis.editor.model.commonness(rows), _DIGITS),
+    }
+
+
+def _named(character: Character, name: str, title: str, n_photos: int) -> Character:
+    made = f"Head made from {counted(n_photos, 'photo')} with a morphable model."
+    credits = " ".join(text for text in (made, character.credits) if text)
+    return replace(character, name=name, title=title, credits=credits)

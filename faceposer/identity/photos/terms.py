@@ -1,0 +1,134 @@
+"""Terms of the fit of a head to photos: landmarks and priors. Costs are -ln p, up to constants."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.identity.photos.face_places import LandmarkErrors
+from faceposer.identity.photos.head_basis import ExpressionPrior, FacePoints
+from faceposer.identity.photos.unknowns import FitState, NormalEquations, ViewState
+from faceposer.landmarks.points import EYE_CORNERS, Landmarks
+
+Array = NDArray[np.float64]
+
+#: Standard deviation of the middle of an iris in a photo, in centimetres of the face.
+_PUPIL = 0.06
+# Residuals in standard deviations from which a point counts less (Cauchy's function).
+_DOUBTFUL = 4.0
+
+
+def upright(found: Landmarks) -> Array:
+    """Return the rotation, (2, 2), from a picture in which the eyes are level to that of the landmarks ``found``."""
+    across = found.points[EYE_CORNERS[1][1], :2] - found.points[EYE_CORNERS[0][0], :2]
+    angle = math.atan2(across[1], across[0])
+    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkTerm:
+    """½ Σ_i c² ln(1 + e_i²/c²) with e_i the distance of a landmark from the face, less its errors, in deviations.
+
+    Attributes:
+        points: The 470 points of the face.
+        pixels: Where the photo has them, shape (470, 2).
+        mean: Mean of the errors in pixels, shape (470, 2).
+        modes: Modes of the errors in pixels, shape (q, 470, 2).
+        roots: 1 / the standard deviation in pixels, 0 for points that do not count, shape (470,).
+    """
+
+    points: FacePoints
+    pixels: Array
+    mean: Array
+    modes: Array
+    roots: Array
+
+    @classmethod
+    def of(cls, found: Landmarks, points: FacePoints, errors: LandmarkErrors, scale: float) -> "LandmarkTerm":
+        """Return the term of the landmarks ``found`` in a photo with ``scale`` pixels per centimetre of the face."""
+        n = len(points.mean)
+        turn = scale * upright(found)
+        mean, modes = np.zeros((n, 2)), np.zeros((len(errors.modes), n, 2))
+        mean[:-2], modes[:, :-2] = errors.mean @ turn.T, errors.modes @ turn.T
+        deviations = np.concatenate([errors.deviations, [_PUPIL, _PUPIL]]) * scale
+        pixels = np.concatenate([found.points[:, :2], found.iris[:, 0, :2]])
+        return cls(points, pixels, mean, modes, 1.0 / deviations)
+
+    def residual(self, state: FitState, view: ViewState) -> Array:
+        """Return the residuals in deviations, shape (470, 2)."""
+        found = view.camera.project(self.points.at(state.shape, view.pose))
+        errors = self.mean + np.tensordot(view.errors, self.modes, 1)
+        result: Array = (found + errors - self.pixels) * self.roots[:, None]
+        return result
+
+    def cost(self, state: FitState, view: ViewState) -> float:
+        """Return the cost."""
+        squares = np.square(self.residual(state, view)).sum(axis=1)
+        return float(0.5 * _DOUBTFUL**2 * np.log1p(squares / _DOUBTFUL**2).sum())
+
+    def derivatives(self, state: FitState, view: ViewState) -> Array:
+        """Return the derivatives of `residual` by head, pose, camera and errors, shape (470, 2, n)."""
+        local = view.camera.local(self.points.at(state.shape, view.pose))
+        by_place, by_camera = view.camera.derivatives(local)
+        by_point = by_place @ view.camera.rotation
+        moves = np.concatenate([self.points.identity, self.points.expression])
+        by_moves = np.einsum("nij,knj->nik", by_point, moves, optimize=True)
+        rows = np.concatenate([by_moves, by_camera, self.modes.transpose(1, 2, 0)], axis=2)
+        result: Array = rows * self.roots[:, None, None]
+        return result
+
+    def add(self, state: FitState, number: int, equations: NormalEquations) -> None:
+        """Add the term of photo ``number`` to ``equations``."""
+        view, at = state.views[number], equations.layout.view(number)
+        residual = self.residual(state, view)
+        weights = 1.0 / np.sqrt(1.0 + np.square(residual).sum(axis=1) / _DOUBTFUL**2)
+        rows = self.derivatives(state, view) * weights[:, None, None]
+        equations.add_rows(
+            rows.reshape(-1, rows.shape[2]),
+            (residual * weights[:, None]).ravel(),
+            [equations.layout.shape, at.pose, at.camera, at.errors],
+        )
+
+    def misses(self, state: FitState, view: ViewState) -> Array:
+        """Return the distances of the landmarks from the face in pixels, errors of the networks not taken off, (470,)."""
+        found = view.camera.project(self.points.at(state.shape, view.pose))
+        return np.asarray(np.linalg.norm(found - self.pixels, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Priors:
+    """The densities of heads, textures, poses, focal lengths and errors of landmarks.
+
+    Attributes:
+        expression: That of poses.
+        log_focals: Expected logarithm of the focal length of each photo, and its standard deviation.
+        strength: Weight of the density of heads and textures: below 1 for likeness, above 1 for likelihood.
+    """
+
+    expression: ExpressionPrior
+    log_focals: tuple[tuple[float, float], ...]
+    strength: float = 1.0
+
+    def cost(self, state: FitState) -> float:
+        """Return the cost."""
+        total = 0.5 * self.strength * float(state.shape @ state.shape + state.texture @ state.texture)
+        for view, (expected, spread) in zip(state.views, self.log_focals, strict=True):
+            total += self.expression.cost(view.pose) + 0.5 * float(view.errors @ view.errors)
+            total += 0.5 * ((view.camera.log_focal - expected) / spread) ** 2
+        return total
+
+    def add(self, state: FitState, equations: NormalEquations) -> None:
+        """Add the priors to ``equations``."""
+        layout = equations.layout
+        equations.add_block(layout.shape, self.strength * state.shape, self.strength)
+        equations.add_block(layout.texture, self.strength * state.texture, self.strength)
+        for number, (view, (expected, spread)) in enumerate(zip(state.views, self.log_focals, strict=True)):
+            at = layout.view(number)
+            equations.add_block(at.pose, *self.expression.slope_and_curvature(view.pose))
+            equations.add_block(at.errors, view.errors, 1.0)
+            focal = np.zeros(at.camera.stop - at.camera.start)
+            focal[5:7] = 1.0 / spread
+            equations.add_block(
+                at.camera, focal * (view.camera.log_focal - expected) / spread, np.outer(focal, focal)
+            )

@@ -1,0 +1,68 @@
+"""Expressions of photos on any character, without pins.
+
+The person in the photo has another head than the character. Head and expression are fitted together with the morphable
+model, so that the brows of a person with high brows are not raised; the weights of the expression go to the character's
+shapes of the same names.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.identity.photos.face_places import load_face_places
+from faceposer.identity.photos.head_basis import head_basis
+from faceposer.identity.photos.head_from_photos import check_turns
+from faceposer.identity.photos.landmark_fit import LandmarkFit, fit_landmarks
+from faceposer.landmarks.feature_points import feature_pixels
+from faceposer.model.face_model import FaceModel
+from faceposer.model.shape_names import weight_map
+from faceposer.photo.aligning import aligned
+from faceposer.photo.faces import FaceInPhoto
+from faceposer.photo.photo import Photo, Pin
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoExpression:
+    """The expression of a photo on a character.
+
+    Attributes:
+        pose: Its coefficients on the character, shape (r,).
+        photo: The photo with pins on feature points and its camera for this character.
+        fit: The fit of the person's own head.
+    """
+
+    pose: Array
+    photo: Photo
+    fit: LandmarkFit
+
+
+def expression_of(found: FaceInPhoto, model: FaceModel) -> PhotoExpression:
+    """Return the expression of the face ``found`` on the character of ``model``.
+
+    Raises:
+        FacePoserError: If the face is seen from the side, or the character has none of ARKit's shapes.
+    """
+    basis = head_basis()
+    character = model.character
+    shares = weight_map(character.shape_names, basis.character.shape_names)
+    if not shares.any():
+        raise FacePoserError(
+            f"The character '{character.title}' has none of ARKit's shapes, to which expressions of photos are given; "
+            "pin its points on the photo instead (--pins)."
+        )
+    fit = fit_landmarks([found.face], basis, load_face_places())
+    check_turns(fit, [str(found.path)])
+    weights = basis.model.weights_of(fit.state.views[0].pose)
+    lower, upper = character.shape_limits.T.astype(np.float64)
+    given = shares @ weights
+    limited = np.where(upper > lower, np.clip(given, lower, upper), given)
+    pose = model.coefficients_of(limited)
+    pins = tuple(Pin(name, pixel) for name, pixel in feature_pixels(found.full_landmarks()).items())
+    width, height = found.file.size
+    inside = tuple(pin for pin in pins if 0.0 <= pin.pixel[0] <= width and 0.0 <= pin.pixel[1] <= height)
+    photo = Photo(str(found.path.absolute()), found.file.size, inside, focal=found.file.focal)
+    return PhotoExpression(pose, aligned(photo, model, pose), fit)

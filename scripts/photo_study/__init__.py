@@ -1,0 +1,1 @@
+"""Heads from photos, measured on synthetic photos of heads that are known."""
