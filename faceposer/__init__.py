@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         Face,
         FacePoserError,
         FacePoserWarning,
+        KeyPoses,
         Performance,
         Pose,
         Trajectories,
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         find_landmarks,
         find_mesh_landmarks,
         load,
+        new_head,
     )
 
 __all__ = [
@@ -28,6 +30,7 @@ __all__ = [
     "Face",
     "FacePoserError",
     "FacePoserWarning",
+    "KeyPoses",
     "Performance",
     "Pose",
     "Trajectories",
@@ -38,6 +41,7 @@ __all__ = [
     "find_landmarks",
     "find_mesh_landmarks",
     "load",
+    "new_head",
 ]
 
 

@@ -31,14 +31,25 @@ setup_find_python() {
 }
 
 setup_environment() {
-    local python packages=("$@") pip_wheel
+    local python packages status=0
     python=$(setup_find_python) || return
-    if ! "$python" -c 'import ensurepip' 2>/dev/null; then
-        packages+=(python3-venv)
-    fi
     . scripts/_system.sh
-    system_packages "${packages[@]}"
+    if "$python" -c 'import ensurepip' 2>/dev/null; then
+        system_packages "$@" &
+        packages=$!
+        setup_libraries "$python" || status=$?
+        wait "$packages"
+    else
+        system_packages "$@" python3-venv
+        setup_libraries "$python" || status=$?
+    fi
+    [ "$status" = 0 ] || return "$status"
+    echo "$setup_key" >.venv/.ready
+    echo "$setup_key" >"$setup_stamp"
+}
 
+setup_libraries() {
+    local python=$1 pip_wheel options=(--quiet --disable-pip-version-check)
     setup_say "setting up the Python environment in .venv (once; this downloads about 100 MB)"
     # Its programs contain the path of the environment, which must therefore be recreated if the checkout has moved.
     if ! { grep -qF "$PWD/.venv" .venv/bin/activate && .venv/bin/python -m pip --version; } >/dev/null 2>&1; then
@@ -54,12 +65,14 @@ setup_environment() {
             .venv/bin/python "$pip_wheel/pip" install --quiet pip || return
         fi
     fi
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check --editable ".${setup_extra:+[$setup_extra]}" || {
+    # Who develops uses few modules of many libraries; Python compiles them when they are first imported.
+    if [ "$setup_extra" = dev ]; then
+        options+=(--no-compile)
+    fi
+    .venv/bin/python -m pip install "${options[@]}" --editable ".${setup_extra:+[$setup_extra]}" || {
         setup_say "the libraries could not be installed; see the messages above, and start again after fixing the cause."
         return 1
     }
-    echo "$setup_key" >.venv/.ready
-    echo "$setup_key" >"$setup_stamp"
 }
 
 setup_is_ready() { [ "$(cat "$setup_stamp" 2>/dev/null)" = "$setup_key" ] && [ -x .venv/bin/python ]; }

@@ -7,8 +7,9 @@ Rows are medians and 99th percentiles in milliseconds. `drag/N` is the time from
 being dragged, to new vertices and normals; `solve/points-4/...` is a warm solve alone. The other rows `solve/...` and
 `scaling/...` are live drags, including the set-up of the problem: four distances, one of them set with a slider; a
 stroke of a number of pixels, with its target being dragged; a curve with five control points, one of them being
-dragged; five points being dragged with a number of fixed vertices (the paper's figure 14). `pick/...` is from the
-pixels of a stroke to points of the face; `start` is from the command to the first frame.
+dragged; five points being dragged with a number of fixed vertices (the paper's figure 14); a point being dragged beside
+eight sketches. `pick/...` is from the pixels of a stroke to points of the face; `start` is from the command to the
+first frame. `landmarks/...` are detection of a face, the points of one, a photo, and the mesh of the character.
 
 With FACEPOSER_CAPTURES set, `scaling/examples-...` compares priors learned from different numbers of frames, which
 takes minutes. `rivals/...` are then solves from the neutral face, including the set-up of the problem, of ours (`mfa`),
@@ -51,6 +52,7 @@ from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
 from scripts.benchmarking.constraint_rows import circle, constraint_rows, example_rows, pick_rows, scaling_rows
+from scripts.benchmarking.landmark_rows import landmark_rows
 from scripts.benchmarking.rivals import FiniteDifferences, mesh_rows, print_ratios, ratio_rows, rival_rows
 from scripts.benchmarking.timing import Row, row
 
@@ -163,6 +165,7 @@ def main() -> None:
     if not options.no_examples:
         rows += example_rows(model, camera, options.moves)
     rows += pick_rows(model, camera, max(options.moves // 8, 1))
+    rows += landmark_rows(model.character, max(options.moves // 8, 1))
     normals_of = VertexNormals(model.triangles, len(vertices))
     rows += mesh_rows(model, options.moves, [("normals", lambda: normals_of(vertices))])
     if options.trials > 0:

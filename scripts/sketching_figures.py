@@ -25,6 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from faceposer.animation.keyframes import Key, Keyframes
 from faceposer.evaluation.sketching.artist import Artist
 from faceposer.evaluation.sketching.hand_errors import HandErrors
 from faceposer.geometry.camera import Camera
@@ -49,6 +50,8 @@ from faceposer.solve.problem import RECORDED_SPREAD, PoseProblem
 FOLDER = ROOT / "docs" / "images"
 Array = NDArray[np.float64]
 SIDE = 340
+# Poses of figure 10.
+_STEPS = 12
 INK, PAPER, RED, GREEN, BLUE, WHITE = (
     (227, 230, 232),
     (30, 31, 34),
@@ -269,18 +272,13 @@ def figure_9(figures: Figures) -> Image.Image:
 
 
 def figure_10(figures: Figures) -> Image.Image:
-    """Two keys and ten poses between them, from splines through the feature points."""
-    names = figures.sketcher.training.names
-    keys = [figures.points(figures.model.coefficients_of(weights)) for weights in (SMILE, ANGER)]
+    """Two keys and ten poses between them, from splines through the feature points, as the timeline has them."""
     small = figures.camera(side=220)
-    images = []
-    for step in range(12):
-        share = step / 11.0
-        # The cardinal spline through two keys that are held before and after.
-        ease = share * share * (3.0 - 2.0 * share)
-        between = (1.0 - ease) * keys[0] + ease * keys[1]
-        pose = figures.sketcher.paper.coefficients(dict(zip(names, between, strict=True)))
-        images.append(figures.face(pose, small))
+    keys = tuple(
+        Key.of(frame, figures.model.coefficients_of(weights)) for frame, weights in ((0, SMILE), (_STEPS - 1, ANGER))
+    )
+    poses = Keyframes(keys, length=_STEPS, inbetweens="feature points").sampled(figures.model, np.arange(_STEPS))
+    images = [figures.face(pose, small) for pose in poses]
     return _column([_row(images[:6]), _row(images[6:])])
 
 

@@ -29,7 +29,7 @@ from faceposer.files.writing import write_json
 from faceposer.training.expressions import Recipe
 
 TRAIN, TEST = "alex_rom_3.csv", "alex_rom_4.csv"
-POSES, SHORT_POSES = 40, 6
+POSES, SHORT_POSES = 30, 6
 
 
 def main() -> None:
@@ -37,12 +37,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", type=Path, help="file to write the rows and tables to")
     parser.add_argument("--short", action="store_true", help=f"{SHORT_POSES} poses instead of {POSES}")
-    parser.add_argument("--poses", type=int, metavar="N", help="number of poses")
+    parser.add_argument("--poses", type=int, metavar="N", help=f"number of poses, {POSES} by default")
     parser.add_argument("--character", default="man", help="default: man")
     parser.add_argument("--training", type=int, nargs="+", default=[36, 300], help="numbers of training poses")
     parser.add_argument("--recognition", nargs="+", default=["paper", "ours"], choices=["paper", "ours"])
     parser.add_argument("--tune", action="store_true", help="learn from and test on the two folds of take 3")
     parser.add_argument("--coarse", action="store_true", help="hand errors of twice the size")
+    parser.add_argument("--any-order", action="store_true", help="strokes in random order, not from above to below")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     folder = os.environ.get("FACEPOSER_CAPTURES")
@@ -59,13 +60,22 @@ def main() -> None:
             source = Source(options.character, (take,), () if options.tune else (unseen,), Recipe(), fold=fold)
             setting, frames = source.load()
             results += study_rows(
-                setting, frames, count, options.training, options.recognition, errors, options.seed, _report
+                setting,
+                frames,
+                count,
+                options.training,
+                options.recognition,
+                errors,
+                options.seed,
+                _report,
+                options.any_order,
             )
         document = {
             "learned_from": TRAIN,
             "tested_on": TRAIN if options.tune else TEST,
             "poses": count,
             "hand_errors": vars(errors),
+            "any_order": options.any_order,
             "rows": [row for result in results for row in result["rows"]],
             "confusion": confusion_of(results),
             "reliability": reliability_of(results),

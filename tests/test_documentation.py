@@ -14,7 +14,7 @@ from faceposer.interchange import weights_json
 from faceposer.model import character_file
 from faceposer.photo import pins_file
 from faceposer.poses import pose_file
-from faceposer.session import autosave, document
+from faceposer.session import autosave, document, key_folder
 from faceposer.sketch import strokes_file
 from faceposer.transfer import pairs
 
@@ -24,7 +24,7 @@ NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 #: Names of file formats, which look like modules.
 FORMATS = {
-    *(module.FORMAT for module in (autosave, document, pairs, pins_file, pose_file, study, character_file)),
+    *(module.FORMAT for module in (autosave, document, key_folder, pairs, pins_file, pose_file, study, character_file)),
     *(module.FORMAT for module in (strokes_file, trajectory_io, weights_json)),
     "faceposer.marker-map",
 }

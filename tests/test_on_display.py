@@ -14,6 +14,7 @@ import pytest
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
 from faceposer.gui.settings import Settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.opening import open_session
 
@@ -87,7 +88,8 @@ def save(person: Person, key: str, path: Path) -> None:
 @pytest.mark.gl
 def test_pose_and_save_by_pointer_and_keys(display: str, tmp_path: Path) -> None:
     app = App("man", hidden=True, threaded=False, settings=Settings())
-    places = {name: Robot(app).at(name) for name in ("8.3", "4.1")}
+    robot = Robot(draw_few_pixels(app))
+    places = {name: robot.at(name) for name in ("8.3", "4.1")}
     app.close()
     person = Person(display)
     environment = person.environment | {"XDG_STATE_HOME": str(tmp_path), "FACEPOSER_OWN_DIALOGS": "1"}

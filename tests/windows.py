@@ -12,7 +12,7 @@ class OpenWindow(Protocol):
         self,
         what: str = "low",
         size: tuple[int, int] = (900, 680),
-        pictures: bool = True,
+        pictures: bool = False,
         journal: bool = False,
         **settings: Any,
     ) -> Robot:
@@ -21,8 +21,8 @@ class OpenWindow(Protocol):
         Args:
             what: Character or session that it opens.
             size: Width and height of the window.
-            pictures: Whether the face is drawn as the user would see it, which is most of the time of a frame without
-                a GPU; otherwise it is drawn in 64 x 64 pixels.
+            pictures: Whether frames are drawn as the user would see them, which is most of their time without a GPU,
+                and needed for ``app.screenshot``; otherwise few pixels are drawn (``gui.testing.few_pixels``).
             journal: Whether unsaved work is kept on the disk.
             settings: Of ``faceposer.gui.settings.Settings``, besides the size and the folder of the test.
         """

@@ -1,7 +1,8 @@
 """Python interface: load a face, add constraints, solve, and read vertices and weights (docs/api.md)."""
 
 from faceposer.animation.trajectories import Trajectories
-from faceposer.api.face import Face, characters, load
+from faceposer.api.face import Face, characters, load, new_head
+from faceposer.api.keys import KeyPoses
 from faceposer.api.landmarks import find_all_landmarks, find_landmarks, find_mesh_landmarks
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
@@ -14,6 +15,7 @@ __all__ = [
     "Face",
     "FacePoserError",
     "FacePoserWarning",
+    "KeyPoses",
     "Performance",
     "Pose",
     "Trajectories",
@@ -24,4 +26,5 @@ __all__ = [
     "find_landmarks",
     "find_mesh_landmarks",
     "load",
+    "new_head",
 ]

@@ -1,6 +1,7 @@
 """Posing a face from Python: ``Face`` edits a session as the window does (docs/api.md)."""
 
 import warnings
+from collections.abc import Mapping
 from os import fspath
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.api import checks
+from faceposer.api.heads import HeadsMixin, new_identity
 from faceposer.api.motion import MotionMixin
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
 from faceposer.api.posing import PathName, PosingMixin
@@ -17,6 +19,7 @@ from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
+from faceposer.identity.head_choices import RANDOM_SKIN, VARIETY
 from faceposer.model.character import Character
 from faceposer.model.character_file import available_characters
 from faceposer.model.face_model import FaceModel
@@ -54,12 +57,38 @@ def load(what: PathName) -> "Face":
     return Face(session)
 
 
+def new_head(
+    seed: int = 0,
+    attributes: Mapping[str, float] | None = None,
+    variety: float = VARIETY,
+    caricature: float = 1.0,
+    texture: str | None = RANDOM_SKIN,
+    tone: float | None = None,
+    base: PathName = "man",
+) -> "Face":
+    """Return a face with a random head of the morphable model (docs/identity.md), reproducible by ``seed``.
+
+    Args:
+        seed: Seed of the head and of its skin, a whole number.
+        attributes: Values of attributes by name, such as {"age": 0.5}; 0 is average.
+        variety: Spread relative to people, 0 to 2; 0 gives the average head.
+        caricature: Factor on the deviation from the average, 0 to 2.5, applied before the attributes.
+        texture: Skin and tone, as for ``Face.set_skin``.
+        tone: See ``texture``.
+        base: Character whose head is replaced, as for ``load``; its mesh must be that of the built-in man.
+    """
+    face = load(base)
+    head = new_identity(face._head_editor, seed, attributes, variety, caricature, texture, tone)
+    face.session.set_identity(head, "New head")
+    return face
+
+
 def characters() -> list[str]:
     """Return the names of the built-in characters."""
     return [name for name, _ in available_characters()]
 
 
-class Face(PosingMixin, SketchingMixin, MotionMixin):
+class Face(HeadsMixin, PosingMixin, SketchingMixin, MotionMixin):
     """A face with its constraints and its pose.
 
     Constraints are added one by one; ``solve`` then finds the pose that satisfies all of them. Pixels are (u, v) from

@@ -15,13 +15,15 @@ from faceposer.api import checks
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
 from faceposer.model.performance import Performance
+from faceposer.session.key_folder import KeyFolder
+from faceposer.session.keys import check_characters, load_keys
 from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.transferred import transferred
 from faceposer.sketch.inbetweens import Inbetweens
 from faceposer.solve.problem import RECORDED_SPREAD
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
-from faceposer.transfer.transfer import Method, make_transfer
+from faceposer.transfer.transfer import Method, Transfer, make_transfer
 
 _LARGEST_SMOOTHNESS = 1e6
 _LONGEST_TURN = 3600.0
@@ -161,21 +163,37 @@ class MotionMixin:
         )
 
     def transfer_to(
-        self, character: str | PathLike[str], method: Method = "distances", pairs: Sequence[Pair] | None = None
+        self,
+        character: str | PathLike[str],
+        method: Method = "distances",
+        pairs: Sequence[Pair] | None = None,
+        keys: str | PathLike[str] | None = None,
     ) -> Self:
         """Return another face with the pose and animation of this face (docs/transfer.md).
 
         Args:
             character: Name of a built-in character, or a character file.
-            method: "distances" matches distances between feature points, "weights" copies ARKit weights.
+            method: "distances" matches distances between feature points, "weights" copies ARKit weights, "examples"
+                follows pairs of key poses.
             pairs: Pairs of points with distances to match; the built-in list if None.
+            keys: Folder of key poses of both characters, for "examples".
         """
         session, name = self.session, fspath(character)
         checks.one_of(method, get_args(Method), "The method")
         if pairs is not None and not all(isinstance(pair, Pair) for pair in pairs):
             raise FacePoserError("Pairs must be of the class faceposer.transfer.pairs.Pair, two feature points each.")
+        if (keys is not None) != (method == "examples"):
+            raise FacePoserError("The method 'examples' needs 'keys', a folder of key poses; other methods have none.")
         target = load_model(name)
-        transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)
+        transfer: Transfer
+        if keys is not None:
+            folder = KeyFolder.read(Path(keys))
+            check_characters(folder, session.model, name)
+            loaded = load_keys(folder, "weights", source=session.model)
+            _warn(keys, loaded.notes)
+            transfer = loaded.transfer
+        else:
+            transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)
         document = transferred(session.document, session.coefficients, transfer, name, target)
         return type(self)(session_for(document, None))
 

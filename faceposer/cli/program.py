@@ -19,6 +19,7 @@ from faceposer.cli import (
     evaluate,
     export,
     identity,
+    keys,
     landmarks,
     photo,
     render,
@@ -61,6 +62,7 @@ COMMANDS: tuple[Command, ...] = (
     character,
     animate,
     transfer,
+    keys,
     photo,
     landmarks,
     identity,
@@ -88,10 +90,12 @@ examples:
                                              animate a face by the trajectories of a few points
   faceposer transfer smile.json woman -o her-smile.json
                                              transfer an expression or an animation to another character
+  faceposer keys init man creature -o keys   begin pairs of key poses, by which expressions are transferred
   faceposer photo woman face.jpg --pins pins.json -o face.json
                                              pose a face from a photo
   faceposer landmarks face.jpg -o points.json
                                              find the landmarks of a photo or a mesh
+  faceposer identity new --seed 7 -o me.npz  make a character with a random head; also set, mix, info
   faceposer identity fit scan.obj -o me.npz  make a character of a scan of a head
   faceposer sketch man strokes.json -o drawn.json
                                              pose a face by drawn features

@@ -23,6 +23,8 @@ NAME = "transfer"
 
 # Number of characters at the start of a file that contain its format name.
 _HEAD = 4096
+# Share of the motion, in squares, and weight of a key, from which a source is outside the keys.
+_MUCH_MISSED, _STRONG = 0.05, 3.0
 # Frame rate of a single pose, which has none of its own.
 _DEFAULT_RATE = 60.0
 
@@ -41,7 +43,11 @@ def add_parser(commands: Any) -> None:
         metavar="SOURCE",
         help="session, capture (.csv, .txt), weights (.json, .glb) or posed mesh (.obj, .ply)",
     )
-    parser.add_argument("target", metavar="CHARACTER", help="target character: a name or a character file (.npz)")
+    parser.add_argument(
+        "target",
+        metavar="CHARACTER",
+        help="target character: a name or a character file (.npz); with examples, also its neutral mesh (.obj, .ply)",
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -60,10 +66,17 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument(
         "--method",
-        choices=("distances", "weights"),
+        choices=("distances", "weights", "examples"),
         default="distances",
-        help="match distances between feature points, or copy the weights of ARKit shapes that both characters have "
-        "(default: distances)",
+        help="match distances between feature points, copy the weights of ARKit shapes that both characters have, or "
+        "follow pairs of key poses (default: distances)",
+    )
+    parser.add_argument("--keys", type=Path, metavar="DIR", help="folder of key poses, for --method examples")
+    parser.add_argument(
+        "--regions",
+        choices=("whole", "halves", "parts"),
+        help="clone the face as a whole, its upper and lower half, or brows, eyes and lower face separately "
+        "(default: as the folder of keys says)",
     )
     parser.add_argument(
         "--pairs", metavar="full|paper|FILE", help="distances to match: a built-in list, or a JSON file"
@@ -100,24 +113,31 @@ def run(options: argparse.Namespace) -> int:
     check_not_input(options.output, options.source, options.target, options.pairs)
     suffix = options.output.suffix.lower()
     holds_animation = form.animated
-    if options.pairs is not None and options.method == "weights":
-        raise FacePoserError("--pairs applies to the method 'distances' only; leave out --pairs or --method weights.")
+    _check_method(options)
     from faceposer.session.opening import load_model
     from faceposer.transfer.pairs import DEFAULT_PAIRS, PRESETS, read_pairs
-    from faceposer.transfer.transfer import make_transfer, transfer_performance
+    from faceposer.transfer.transfer import Transfer, make_transfer, transfer_performance
 
     pairs = DEFAULT_PAIRS
     if options.pairs is not None:
         pairs = PRESETS[options.pairs] if options.pairs in PRESETS else read_pairs(Path(options.pairs))
     source = _source(options)
-    target = load_model(options.target)
-    transfer = make_transfer(source.model, target, options.method, pairs, options.scaling)
+    transfer: Transfer
+    if options.method == "examples":
+        transfer, target = _by_examples(options, source.model)
+    else:
+        target = load_model(options.target)
+        transfer = make_transfer(source.model, target, options.method, pairs, options.scaling)
     if suffix == ".json" and source.document is not None:
+        if options.method == "examples":
+            _tell_reach(options.keys, transfer, source.still)
         _write_session(options, source, transfer, target)
         return 0
     # For a session, a single pose is the one that it shows, not the first of its animation.
     performance = source.still if not holds_animation and source.document is not None else source.performance
     moving = len(performance) > 1
+    if options.method == "examples":
+        _tell_reach(options.keys, transfer, performance)
     if moving and not holds_animation:
         raise FacePoserError(
             f"The source has {counted(len(performance), 'frame')}, but a '{suffix}' file holds one; choose a "
@@ -135,6 +155,58 @@ def run(options: argparse.Namespace) -> int:
     content = counted(len(result), "frame") if len(result) > 1 else "pose"
     print(f"{options.output} written: {content} by {options.method}, {spent:.1f} ms per frame")
     return 0
+
+
+def _check_method(options: argparse.Namespace) -> None:
+    if options.pairs is not None and options.method != "distances":
+        raise FacePoserError(
+            f"--pairs applies to the method 'distances' only; leave out --pairs or --method {options.method}."
+        )
+    if options.method == "examples":
+        if options.keys is None:
+            raise FacePoserError("--method examples needs --keys DIR, a folder of key poses (keys init).")
+        check_not_input(options.output, options.keys / "keys.json")
+    elif options.keys is not None or options.regions is not None:
+        raise FacePoserError("--keys and --regions apply to the method 'examples' only; add --method examples.")
+
+
+def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[Transfer, FaceModel]":
+    """Return the transfer by the keys of the folder, and the model of its results."""
+    from faceposer.cli.opening import print_notes
+    from faceposer.session.key_folder import KeyFolder
+    from faceposer.session.keys import check_characters, load_keys
+
+    keys = KeyFolder.read(options.keys)
+    check_characters(keys, source, options.target)
+    suffix = options.output.suffix.lower()
+    if suffix == ".json" and keys.is_mesh:
+        raise FacePoserError(
+            f"The target of '{options.keys}' is a mesh without shapes, which has no session or weights; choose an "
+            "output that ends in .obj, .ply, .glb, .png, .gif or .mp4."
+        )
+    # Sessions and weights are of the character's own shapes.
+    loaded = load_keys(keys, "weights" if suffix in (".json", ".csv") else "auto", options.regions, source)
+    print_notes(options.keys, loaded.notes)
+    return loaded.transfer, loaded.transfer.target
+
+
+def _tell_reach(keys: Path, transfer: "Transfer", performance: "Performance") -> None:
+    """Print a note if frames are far outside the keys."""
+    from faceposer.cli.opening import print_notes
+    from faceposer.transfer.examples import ExampleTransfer
+    from faceposer.transfer.key_coverage import coverage
+
+    assert isinstance(transfer, ExampleTransfer)
+    reach = coverage(transfer, performance.coefficients)
+    if reach.missed > _MUCH_MISSED or reach.strengths.max() > _STRONG:
+        worst = int(reach.distances.argmax())
+        where = f" in frame {worst}" if len(performance) > 1 else ""
+        print_notes(
+            keys,
+            f"The source is outside the keys: they miss {100 * reach.missed:.0f} % of its motion, up to "
+            f"{10 * reach.distances[worst]:.1f} mm{where}, and are exaggerated up to {reach.strengths.max():.1f} "
+            "times; 'keys check --on' names frames that would help as keys.",
+        )
 
 
 @dataclass(frozen=True, eq=False)

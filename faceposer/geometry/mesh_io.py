@@ -3,6 +3,7 @@
 import os
 import re
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,23 @@ def read_mesh(path: Path) -> PolygonMesh:
     Raises:
         FacePoserError: If the file cannot be read as a mesh.
     """
+    return _checked(path)[0]
+
+
+def read_textured_mesh(path: Path) -> tuple[PolygonMesh, Mapping[str, bytes]]:
+    """Read the mesh in ``path`` like ``read_mesh``, and the image files of its colour textures by material.
+
+    Raises:
+        FacePoserError: If the file cannot be read as a mesh.
+    """
+    mesh, textures = _checked(path)
+    if path.suffix.lower() == ".obj":
+        textures, _ = read_obj_textures(path, mesh)
+    return mesh, textures
+
+
+def _checked(path: Path) -> tuple[PolygonMesh, Mapping[str, bytes]]:
+    """Return the mesh in ``path``, and its textures if they are known without reading further files."""
     try:
         with open_file(path, _MAX_BYTES) as file:
             is_apple_double = file.read(4) == _APPLE_DOUBLE
@@ -47,7 +65,7 @@ def read_mesh(path: Path) -> PolygonMesh:
             raise FacePoserError(
                 f"'{path}' is not a mesh but a file of macOS about one; choose the file without '._' in its name."
             )
-        mesh = _read(path)
+        mesh, textures = _read(path)
     except OSError as error:
         raise FacePoserError(f"The mesh '{path}' cannot be read: {error.strerror}.") from error
     if len(mesh.vertices) == 0 or len(mesh.polygons) == 0:
@@ -56,18 +74,19 @@ def read_mesh(path: Path) -> PolygonMesh:
         if (row := first_unusable(values)) is not None:
             problem = "too far away" if np.isfinite(values[row]).all() else "not finite"
             raise FacePoserError(f"{noun} {row + 1} of the mesh '{path}' is {problem}; export it again.")
-    return mesh
+    return mesh, textures
 
 
-def _read(path: Path) -> PolygonMesh:
+def _read(path: Path) -> tuple[PolygonMesh, Mapping[str, bytes]]:
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
         raise FacePoserError(f"'{path}' is not a supported mesh; choose a file of type {', '.join(MESH_SUFFIXES)}.")
     if suffix == ".obj":
         _check_lines(path)
     if suffix in GLTF_SUFFIXES:
-        return read_gltf(path).mesh
-    return {".obj": read_obj, ".ply": read_ply, ".off": read_off}.get(suffix, _read_with_trimesh)(path)
+        found = read_gltf(path)
+        return found.mesh, found.textures
+    return {".obj": read_obj, ".ply": read_ply, ".off": read_off}.get(suffix, _read_with_trimesh)(path), {}
 
 
 def _check_lines(path: Path) -> None:

@@ -79,7 +79,7 @@ def write_ply(
 
 
 def read_ply(path: Path) -> PolygonMesh:
-    """Read the mesh in the PLY file ``path``, with colours of vertices, and texture coordinates of these or of face corners.
+    """Read the mesh in the PLY file ``path``, with colours and texture coordinates of its vertices or face corners.
 
     Source: G. Turk, The PLY Polygon File Format (1994).
 

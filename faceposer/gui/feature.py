@@ -27,8 +27,8 @@ class Feature:
         self.context = context
 
     @property
-    def options_in_tab(self) -> bool:
-        """True if the options of the tool *Sketch* and the constraints are shown in the tab, too."""
+    def traced(self) -> bool:
+        """True if the tab has photos: the options of tools that trace photos, and constraints, are shown in it, too."""
         return False
 
     @property

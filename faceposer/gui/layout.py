@@ -135,9 +135,8 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
     def content(feature: Feature) -> Callable[[Shell], None]:
         def draw(context: Shell) -> None:
             # Above the tab's own content, which may be long.
-            if feature.options_in_tab and context.toolbox.chosen is context.toolbox.sketch_tool:
-                context.features.draw_tool_options(context.toolbox.chosen.name)
-                context.constraints_panel.draw(context)
+            if feature.traced and context.toolbox.chosen.traces_photos:
+                _draw_chosen_tool(context)
                 imgui.separator()
             feature.draw_tab()
 
@@ -153,6 +152,11 @@ def _tabs(context: Shell) -> list[tuple[str, Callable[[Shell], None], str]]:
 
 def _draw_pose_tab(context: Shell) -> None:
     context.pose_panel.draw(context)
+    _draw_chosen_tool(context)
+
+
+def _draw_chosen_tool(context: Shell) -> None:
+    """Draw the options of the chosen tool, and the constraints."""
     if not context.features.draw_tool_options(context.toolbox.chosen.name):
         draw_tool_options(context)
     context.constraints_panel.draw(context)

@@ -35,6 +35,8 @@ PERSON = "Person"
 ETHNICITIES = ("african", "asian", "caucasian")
 ASYMMETRY = "asymmetry"
 _ROUNDS, _EXACT = 6, 1e-5
+#: Deviation, as a share of its range, that an attribute of the face may cause in others by default.
+_SLACK = 0.025
 #: Odd part of a head, in centimetres, below which it counts as symmetric.
 _SYMMETRIC = 1e-4
 _INVALID = (AttributeError, IndexError, KeyError, TypeError, ValueError)
@@ -157,7 +159,8 @@ class HeadAttributes:
             skin: A head.
             values: Values by name of attribute. Of one ethnicity, the others make up for it in equal parts.
             keep: Attributes that are to keep their values besides. If None, attributes of the person keep each other,
-                and the face changes with them; attributes of the face then keep all others.
+                and the face changes with them; attributes of the face then keep all others within a twelfth of their
+                range, which takes less unlikely heads than to keep them exactly.
             seed: Pattern by which a symmetric head becomes asymmetric.
 
         Raises:
@@ -173,14 +176,15 @@ class HeadAttributes:
         if keep is None:
             people = {attribute.name for attribute in self.attributes if attribute.group == PERSON}
             result = self._with_linear(result, person, people)
-            result = self._with_linear(result, face, set(self._attributes))
+            if face:
+                result = self._with_linear(result, values, set(self._attributes), _SLACK)
         else:
             result = self._with_linear(result, values, {self[name].name for name in keep})
         if ASYMMETRY in values:
             result = self._with_asymmetry(result, float(values[ASYMMETRY]), seed)
         return result
 
-    def _with_linear(self, points: Array, values: Mapping[str, float], kept: set[str]) -> Array:
+    def _with_linear(self, points: Array, values: Mapping[str, float], kept: set[str], slack: float = 0.0) -> Array:
         if any(name in ETHNICITIES for name in values):
             values = _with_ethnicities(values, self.measure(points))
         wanted = {name: float(values[name]) for name in self._linear if name in values}
@@ -189,6 +193,9 @@ class HeadAttributes:
             return points
         first = self._linear_values(self._alignment(points).apply(points))
         target = np.array([wanted.get(self._linear[k], first[k]) for k in held])
+        if slack > 0.0:
+            free = np.array([self._linear[k] not in wanted for k in held])
+            target = first[held] + self._loosely(held, target - first[held], slack * free)
         for _ in range(_ROUNDS):
             alignment = self._alignment(points)
             missing = target - self._linear_values(alignment.apply(points))[held]
@@ -198,6 +205,14 @@ class HeadAttributes:
             offsets = self.template.skin(np.tensordot(amounts, self._directions[held], 1))
             points = points + alignment.inverse().apply_to_directions(offsets)
         return points
+
+    def _loosely(self, held: list[int], change: Array, slack: Array) -> Array:
+        """Return the values' changes of the Δ that minimises Δᵀ C⁻¹ Δ + Σ ((change - wanted) / (slack · range))²."""
+        scales = self._scales[held]
+        gram = self._gram[np.ix_(held, held)] / np.outer(scales, scales)
+        ranges = np.array([np.ptp(self._attributes[self._linear[k]].limits) for k in held])
+        result: Array = gram @ np.linalg.solve(gram + np.diag((slack * ranges) ** 2), change)
+        return result
 
     def _with_asymmetry(self, points: Array, value: float, seed: int) -> Array:
         alignment = self._alignment(points)

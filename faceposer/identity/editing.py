@@ -12,12 +12,14 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.identity.attributes import load_attributes
+from faceposer.identity.attributes import PERSON, load_attributes
+from faceposer.identity.eye_colour import eye_texture, random_eye_colour
 from faceposer.identity.head import HeadMaker
 from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
-from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.skin_layers import SkinLayers, random_layers
 from faceposer.identity.template import HeadTemplate, head_template
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
@@ -25,13 +27,11 @@ from faceposer.model.face_model import FaceModel
 
 Array = NDArray[np.float64]
 
-# Standard deviation in centimetres of each coordinate, and number of vertices that count as independent, in the
-# projection of a character's own head, which is not from the statistics.
-_NOISE, _INDEPENDENT = 0.3, 200
+# Largest and least standard deviation in centimetres of what a character's own head has outside the statistics, per
+# coordinate, number of vertices in which that counts as independent, and rounds in which it is estimated.
+_NOISE, _LEAST_NOISE, _INDEPENDENT, _ROUNDS = 0.3, 0.005, 200, 5
 # Natural range of the labels of skins.
 _NATURAL_LABELS = (-1.0, 1.0)
-# Quality of the encoded textures.
-_QUALITY = 90
 #: Multiples of the deviation from the average at which a caricature becomes grotesque.
 GROTESQUE = 2.5
 
@@ -69,9 +69,7 @@ class HeadEditor:
         control = template.control(aligned)
         # What a subdivided mesh cannot have, as at the edges of the lids.
         self._fine = aligned - template.skin(control)
-        noise = _NOISE * float(np.sqrt(weights.sum() / _INDEPENDENT))
-        found = self.model.project(control, weights, noise).coefficients
-        rows = np.tile(found, (len(self.segments.names), 1))
+        rows = np.tile(_coefficients(self.model, control, weights), (len(self.segments.names), 1))
         self.own = Identity.of(rows, control - self.model.vertices(rows))
 
     @property
@@ -162,7 +160,7 @@ class HeadEditor:
         shapes = self.maker.shapes(head)
         textures = self.character.textures
         if identity.texture is not None:
-            textures = {**textures, "skin": encoded_skin(identity.texture)}
+            textures = {**textures, **textures_of(identity.texture)}
         return dataclasses.replace(
             self.character,
             vertices=head.vertices.astype(np.float32),
@@ -206,7 +204,20 @@ class HeadEditor:
     def with_attributes(
         self, identity: Identity, values: Mapping[str, float], keep: Collection[str] | None = None, seed: int = 0
     ) -> Identity:
-        """Return the head that measures ``values``; arguments as for ``HeadAttributes.changed``."""
+        """Return the head that measures ``values``.
+
+        Args:
+            identity: A head.
+            values: Values by name of attribute.
+            keep: Attributes that keep their values besides. If None, attributes of the face keep all others; those of
+                the person, such as age, keep each other and change the face as people of that kind differ.
+            seed: As for ``HeadAttributes.changed``.
+
+        Raises:
+            FacePoserError: As for ``HeadAttributes.changed``.
+        """
+        if keep is None and all(self.attributes[name].group != PERSON for name in values):
+            keep = self.attributes.names
         skin = self.aligned_skin(identity)
         changed = self.attributes.changed(skin, values, keep, seed)
         return self._moved(identity, self.template.control(changed - skin))
@@ -263,9 +274,12 @@ class HeadEditor:
         model = load_texture_model()
         drawn = model.sample(seed)[0]
         values = self.measure(identity)
-        for name in ("age", "gender"):
-            drawn = model.with_label(drawn, name, float(np.clip(values[name], *_NATURAL_LABELS)))
-        return SkinTexture(tuple(drawn.tolist()), self._usual_layers(identity))
+        age, gender = (float(np.clip(values[name], *_NATURAL_LABELS)) for name in ("age", "gender"))
+        for name, value in (("age", age), ("gender", gender)):
+            drawn = model.with_label(drawn, name, value)
+        tone = model.tone(drawn)
+        layers = random_layers(seed, tone, gender, age)
+        return SkinTexture(tuple(drawn.tolist()), layers, random_eye_colour(seed, tone))
 
     def _usual_layers(self, identity: Identity) -> SkinLayers:
         """Return layers that fit the gender of ``identity``, as measured."""
@@ -289,13 +303,30 @@ class HeadEditor:
             )
 
 
+def _coefficients(model: IdentityModel, control: Array, weights: Array) -> Array:
+    """Return the coefficients of a head, shape (K,), with the noise that its own residual suggests.
+
+    Heads made by the model so get back the coefficients that they were made from, and those of other sources no more
+    than the statistics explain.
+    """
+    noise = _NOISE
+    for _ in range(_ROUNDS):
+        found = model.project(control, weights, noise * float(np.sqrt(weights.sum() / _INDEPENDENT)))
+        noise = min(max(found.residual / np.sqrt(3.0), _LEAST_NOISE), _NOISE)
+    return found.coefficients
+
+
 @lru_cache(maxsize=4)
-def encoded_skin(texture: SkinTexture) -> bytes:
-    """Return the image of a skin's ``texture`` as JPEG, with the size of the shipped ones."""
-    picture = Image.fromarray(load_texture_model().instance(texture.coefficients, texture.layers))
-    data = io.BytesIO()
-    picture.save(data, "JPEG", quality=_QUALITY, subsampling=0)
-    return data.getvalue()
+def _encoded_skin(coefficients: tuple[float, ...], layers: SkinLayers) -> bytes:
+    return load_texture_model().encoded(coefficients, layers)
+
+
+def textures_of(texture: SkinTexture) -> dict[str, bytes]:
+    """Return the encoded images of ``texture`` by material: "skin", and "eye" if the irises have a colour."""
+    images = {"skin": _encoded_skin(texture.coefficients, texture.layers)}
+    if texture.eyes is not None:
+        images["eye"] = eye_texture(texture.eyes)
+    return images
 
 
 def is_editable(character: Character) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
-from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.skin_layers import Colour, SkinLayers
 
 Array = NDArray[np.float64]
 
@@ -38,10 +38,12 @@ class SkinTexture:
     Attributes:
         coefficients: c in standard deviations, as a tuple of numbers.
         layers: Hair, brows, stubble and lips.
+        eyes: Colour of the irises, sRGB, 0 to 1; None for the character's own eyes.
     """
 
     coefficients: tuple[float, ...]
     layers: SkinLayers = field(default_factory=SkinLayers)
+    eyes: Colour | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +112,8 @@ class Identity:
         if self.texture is not None:
             layers = {name: value for name, value in asdict(self.texture.layers).items() if value is not None}
             data["texture"] = {"coefficients": list(self.texture.coefficients), "layers": layers}
+            if self.texture.eyes is not None:
+                data["texture"]["eyes"] = list(self.texture.eyes)
         return data
 
 
@@ -124,7 +128,7 @@ def _texture_between(one: SkinTexture | None, other: SkinTexture | None, share: 
     if one is None or other is None or nearer is None:
         return nearer
     mixed = _between(np.array(one.coefficients), np.array(other.coefficients), share)
-    return SkinTexture(tuple(mixed.tolist()), nearer.layers)
+    return SkinTexture(tuple(mixed.tolist()), nearer.layers, nearer.eyes)
 
 
 class _LayersJson(JsonObject):
@@ -154,6 +158,7 @@ class _TextureJson(JsonObject):
 
     coefficients: _Row
     layers: _LayersJson = json_field(default_factory=_LayersJson)
+    eyes: _Colour | UnsetType = UNSET
 
     def __post_init__(self) -> None:
         try:
@@ -163,7 +168,8 @@ class _TextureJson(JsonObject):
 
     def texture(self) -> SkinTexture:
         """Return the texture."""
-        return SkinTexture(tuple(self.coefficients), self.layers.layers())
+        eyes = None if self.eyes is UNSET else self.eyes
+        return SkinTexture(tuple(self.coefficients), self.layers.layers(), eyes)
 
 
 class IdentityJson(JsonObject):

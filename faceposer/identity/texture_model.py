@@ -146,6 +146,13 @@ class TextureModel:
             return texture
         return np.asarray(Image.fromarray(texture).resize((size, size), Image.Resampling.LANCZOS))
 
+    def encoded(self, coefficients: ArrayLike, layers: SkinLayers | None = None, size: int = SIZE) -> bytes:
+        """Return `instance` as a JPEG file, as characters have it."""
+        buffer = io.BytesIO()
+        picture = Image.fromarray(self.instance(coefficients, layers, size))
+        picture.save(buffer, "JPEG", quality=90, subsampling=0)
+        return buffer.getvalue()
+
     def project(self, texture: ArrayLike, mask: ArrayLike | None = None) -> Array:
         """Return the maximum a posteriori coefficients of a texture, shape (K,), from the bare skin of its face.
 

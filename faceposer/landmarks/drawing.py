@@ -103,7 +103,9 @@ def draw(mesh: PaintedMesh, camera: Camera) -> Drawing:
     )
 
 
-def visible_triangles(pixels: Array, depths: Array, triangles: Ints, size: tuple[int, int]) -> tuple[NDArray[np.int64], Array]:
+def visible_triangles(
+    pixels: Array, depths: Array, triangles: Ints, size: tuple[int, int]
+) -> tuple[NDArray[np.int64], Array]:
     """Return the frontmost triangle at each pixel of an image of ``size``, or -1, and the weights of its corners there.
 
     Args:

@@ -8,10 +8,8 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.files.reading import read_bytes
-from faceposer.geometry.gltf_io import GLTF_SUFFIXES, read_gltf
-from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_mesh
+from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_textured_mesh
 from faceposer.geometry.obj_io import read_obj_colours
-from faceposer.geometry.mtl_io import read_obj_textures
 from faceposer.geometry.polygon_mesh import Group
 from faceposer.geometry.texture_images import UnusableImageError, file_in, texture_image
 from faceposer.landmarks.drawing import PaintedMesh
@@ -35,17 +33,11 @@ def read_painted(what: str) -> PaintedMesh:
         FacePoserError: If it cannot be read.
     """
     path = paths.expand_user(what)
-    suffix = path.suffix.lower()
-    if suffix not in MESH_SUFFIXES:
+    if path.suffix.lower() not in MESH_SUFFIXES:
         return painted_character(load_character(what))
-    mesh = read_mesh(path)
-    textures: dict[str, bytes] = {}
-    if suffix in GLTF_SUFFIXES:
-        textures = dict(read_gltf(path).textures)
-    elif suffix == ".obj":
-        textures, _ = read_obj_textures(path, mesh)
-        if not textures:
-            mesh = replace(mesh, colours=read_obj_colours(path, len(mesh.vertices)))
+    mesh, textures = read_textured_mesh(path)
+    if not textures and path.suffix.lower() == ".obj":
+        mesh = replace(mesh, colours=read_obj_colours(path, len(mesh.vertices)))
     if not textures and len(mesh.uv) and (image := _image_beside(path)) is not None:
         mesh = replace(mesh, groups=(Group("", (0, len(mesh.polygons)), "scan"),))
         textures = {"scan": image}

@@ -145,17 +145,18 @@ class FeatureCurve:
         return np.searchsorted(self.parameters, np.arange(len(self.names)) - 1e-9).astype(np.intp)
 
 
-def drawable_features(character: Character) -> list[str]:
+@lru_cache(maxsize=2)
+def drawable_features(character: Character) -> tuple[str, ...]:
     """Return the names of the features whose points the ``character`` has, not all at one place, in a fixed order."""
     known = character.feature_points
     if not character.height > 0.0:
-        return []
-    return [
+        return ()
+    return tuple(
         feature.name
         for feature in FEATURES.values()
         if all(name in known for name in feature.points)
         and np.ptp(character.vertices[[known[name] for name in feature.points]], axis=0).any()
-    ]
+    )
 
 
 @lru_cache(maxsize=2)

@@ -1,5 +1,6 @@
 """Faces in photos, found by the landmark networks."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.identity.photos.landmark_fit import PhotoFace
+from faceposer.landmarks.feature_points import feature_pixels
 from faceposer.landmarks.points import Landmarks, find_landmarks
 from faceposer.photo.reading import (
     FOCAL_SPREAD,
@@ -25,6 +27,8 @@ _SIDE, _LARGEST_SIDE = 2048, 8192
 _SMALL, _LEAST = 250.0, 60.0
 # Standard deviation of the logarithm of a focal length that is known.
 _KNOWN_SPREAD = 0.03
+# Reach of a moved feature point, as a share of the face's height, and ridge of the interpolation.
+_MOVED_REACH, _RIDGE = 0.04, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,3 +100,30 @@ def read_face(path: Path, focal: float | None = None) -> FaceInPhoto:
 
 def _height(found: Landmarks) -> float:
     return float(found.box[3] - found.box[1])
+
+
+def with_moved_features(found: FaceInPhoto, moved: Mapping[str, tuple[float, float]]) -> FaceInPhoto:
+    """Return ``found`` with some feature points at other places, and the landmarks around them moved along.
+
+    The motion of landmarks is interpolated between the feature points, those that are not moved included, by Gaussians.
+
+    Args:
+        found: A face.
+        moved: Pixels of ``found.pixels`` by name of feature point.
+    """
+    before = feature_pixels(found.face.landmarks)
+    names = list(before)
+    places = np.array([before[name] for name in names])
+    offsets = np.array([np.subtract(moved.get(name, before[name]), before[name]) for name in names])
+    reach = _MOVED_REACH * _height(found.face.landmarks)
+
+    def kernel(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        squared = np.square(points[:, None] - places[None]).sum(axis=2)
+        result: NDArray[np.float64] = np.exp(-squared / (2.0 * reach**2))
+        return result
+
+    weights = np.linalg.solve(kernel(places) + _RIDGE * np.eye(len(places)), offsets)
+    landmarks = found.face.landmarks
+    points = landmarks.points.copy()
+    points[:, :2] += kernel(points[:, :2]) @ weights
+    return replace(found, face=replace(found.face, landmarks=replace(landmarks, points=points)))

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.model.character import ARKIT_SHAPES, Character
+from faceposer.model.character_mirror import character_mirror
 from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import SPLIT_SHAPES, half_shapes_of, whole_shape_of
 from faceposer.poses.pose_file import Pose
@@ -235,8 +235,7 @@ def _images(model: FaceModel) -> tuple[Array, Array]:
     Their weights are the least-squares fit of the shapes to the mirrored displacements.
     """
     character = model.character
-    mirror = SurfaceMirror(character.vertices, character.triangles, _TOLERANCE * character.height)
-    partner = mirror.vertices
+    partner = character_mirror(character, _TOLERANCE).vertices
     paired = partner >= 0
     if paired.mean() < _PAIRED:
         raise FacePoserError(f"'{character.title}' is not symmetric enough to exchange left and right.")

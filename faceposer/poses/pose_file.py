@@ -110,8 +110,8 @@ def read_pose(path: Path) -> Pose:
     return read_json(path, "pose", Pose.from_json)
 
 
-def write_pose(path: Path, pose: Pose) -> None:
-    """Write ``pose`` to ``path``, whose folder is created if necessary.
+def write_pose(path: Path, pose: Pose, durable: bool = True) -> None:
+    """Write ``pose`` to ``path``, whose folder is created if necessary; for ``durable`` see ``atomic_file``.
 
     Raises:
         FacePoserError: If a weight is not finite, or the file cannot be written.
@@ -120,4 +120,4 @@ def write_pose(path: Path, pose: Pose) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(f"The pose '{path}' cannot be written: {error.strerror}.") from error
-    write_json(path, pose.to_json(), "pose", ascii_only=False)
+    write_json(path, pose.to_json(), "pose", ascii_only=False, durable=durable)

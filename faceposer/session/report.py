@@ -27,6 +27,10 @@ class Residuals:
             self._found = (revision, tuple(constraint.residual_px(model, pose) for constraint in constraints))
         return self._found[1]
 
+    def keep(self, revision: int, found: tuple[float, ...]) -> None:
+        """Keep the errors ``found`` by the solve whose pose is that of ``revision``."""
+        self._found = (revision, found)
+
 
 def solve_report(model: FaceModel, document: Document, solution: Solution) -> dict[str, Any]:
     """Return the report of ``solution`` for ``document``, ready for JSON (docs/session-format.md)."""

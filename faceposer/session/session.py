@@ -347,6 +347,8 @@ class Session(SettingEdits, HeadEdits):
             self._document = self.animation.with_auto_key(self._document)
             self._history.replace_head(self._document)
         self.revision += 1
+        if self._document.constraints is result.job.document.constraints:
+            self._residuals.keep(self.revision, result.solution.residuals_px)
         return True
 
     def wait(self, timeout: float = 10.0) -> None:

@@ -83,6 +83,6 @@ def _check_drawable(character: Character) -> None:
     """Raise a FacePoserError if the ``character`` has no feature that can be drawn."""
     if not drawable_features(character):
         raise FacePoserError(
-            f"No feature can be drawn on '{character.title}', since it lacks feature points of each, or they coincide; "
-            "train it again with ARKit's shape names, from which feature points are found."
+            f"No feature can be drawn on '{character.title}', since it lacks the feature points of brows, eyes, mouth, "
+            "nose and jaw; import it again from a rig with ARKit's shape names, or with its textures, which show them."
         )

@@ -112,7 +112,7 @@ def recognise_drawing(
         drawing: The lines; those of its neutral layer are the neutral face unless ``neutral`` is given.
         camera: The view of the face.
         relative: True to free the lines from the drawing's proportions.
-        neutral: A drawing of the same face without an expression.
+        neutral: A drawing of the same face without an expression; not used unless ``relative``.
         progress: Receives the progress, and may stop the work.
 
     Raises:
@@ -126,7 +126,7 @@ def recognise_drawing(
     if not strokes:
         raise FacePoserError("All lines of the drawing are in its layer 'neutral'; draw the expression in another one.")
     rest: _Aligned | None = None
-    if neutral is not None:
+    if neutral is not None and relative:
         rest = aligner.align(neutral.strokes, Progress(), "neutral drawing")
     if neutral is None and layer and relative:
         # Both are drawn on one page: one similarity aligns them.

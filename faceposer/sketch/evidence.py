@@ -56,11 +56,11 @@ class Evidence:
     _pulled: Array
     _logs: Array
 
-    def log_total(self, index: int, temperature: float) -> float:
+    def log_total(self, index: int) -> float:
         """Return the log evidence of line ``index``, summed over its intervals and directions."""
-        weighted = self._weighted(index) / temperature
+        weighted = self._weighted(index)
         top = weighted.max()
-        return float((top + np.log(np.exp(weighted - top).sum())) * temperature)
+        return float(top + np.log(np.exp(weighted - top).sum()))
 
     def best(self, index: int) -> tuple[int, int]:
         """Return the likeliest interval of line ``index`` and its direction, 1 for backwards."""

@@ -6,7 +6,7 @@ far, but draw its middle about where they see the line. The place of a stroke's 
 thus decides between them.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,14 +24,15 @@ FAMILIES = (
     ("mouth line", "outer lower lip", "outer upper lip", "inner lower lip", "inner upper lip", "mouth outline"),
     *((f"{side} upper lid", f"{side} lower lid", f"{side} eye outline", f"{side} brow") for side in ("left", "right")),
 )
-# Log prior of the line of a closed mouth over others where the middle of a stroke lies on it, before and after other
-# lines of the mouth are drawn, and of inner lips.
-_LINE, _LINE_AFTER_LIPS, _INNER = 14.0, 4.0, -2.0
+_LOWER_LIPS = ("outer lower lip", "inner lower lip")
+# Log odds of the line of a closed mouth against lower lips where the middle of a stroke lies on it, before and after
+# other lines of the mouth are drawn.
+_LINE, _LINE_AFTER_LIPS = 2.5, 1.5
 # Log prior of the outline of a mouth or an eye for a closed stroke around its middle; greatest distance of the ends of
 # such a stroke as a share of its length; its widths, as shares of that of the mouth or the eye.
 _LOOP, _CLOSED, _LOOP_SPANS = 80.0, 0.12, (0.6, 1.35)
 # Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
-_LOWER_LID = 1.3
+_LOWER_LID = 0.9
 # Share of the way from the line of the mouth to the lower and to the upper edge of the lips up to which a stroke is on
 # the line, and from which it is not; least height of a lip, in units of the hand.
 _LOWER, _UPPER, _LEAST_LIP = (0.45, 0.65), (0.25, 0.5), 14.0
@@ -55,6 +56,25 @@ class Habits:
 
     log_priors: Mapping[str, float]
     on_line: float
+
+
+def as_drawn(names: Sequence[str], log_evidence: Array, habits: Habits) -> Array:
+    """Return the log evidence of features, shape (n,), as people draw them.
+
+    A stroke on the line of the closed mouth may turn up or down as far as it likes: its evidence for this line is at
+    least that for a lower lip, in proportion to ``on_line``.
+
+    Args:
+        names: The features.
+        log_evidence: Log evidence of each by the density of poses, shape (n,).
+        habits: What the place of the stroke tells.
+    """
+    if "mouth line" not in names:
+        return log_evidence
+    raised, at = log_evidence.copy(), names.index("mouth line")
+    lower = max((float(log_evidence[names.index(lip)]) for lip in _LOWER_LIPS if lip in names), default=-np.inf)
+    raised[at] += habits.on_line * max(lower - float(raised[at]), 0.0)
+    return raised
 
 
 def habits_of(
@@ -83,7 +103,6 @@ def habits_of(
     if first and all(name in rows.tracks for name in mouth) and _gap(rows, pose, "mouth") < OPEN:
         on_line = _on_line(samples, *(line(name) for name in mouth))
         found["mouth line"] = on_line * (_LINE_AFTER_LIPS if set(FAMILIES[0]) & set(drawn) else _LINE)
-        found["inner upper lip"] = found["inner lower lip"] = _INNER
     if is_closed(samples, _CLOSED):
         for name in ("mouth outline", "left eye outline", "right eye outline"):
             if name in rows.tracks and _surrounds(samples, line(name)):

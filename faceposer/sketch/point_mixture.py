@@ -1,10 +1,10 @@
 """A mixture with one Gaussian per drawable feature point, over places in space, seen from any camera.
 
-Gunnarsson and Maddock (2010, section 4.3): the positions of a feature point in all training poses form a cluster; the
-mixture is fitted by EM from the clusters' means, and responsibilities (4) tell which feature point a place belongs to.
-A drawn point is a ray. Its depth is that of the surface below it, uncertain by ``DEPTH_ERROR``, when it is classified;
-afterwards it is replaced by that of the cluster's conditional Gaussian on the ray. The paper takes two axes of the
-front view for this; here every ray has its own frame, so that it holds for every view and for a perspective camera.
+Gunnarsson and Maddock (2010, section 4.3): the positions of a feature point in all training poses form a cluster with a
+Gaussian, and responsibilities (4) tell which feature point a place belongs to. A drawn point is a ray. Its depth is
+that of the surface below it, uncertain by ``DEPTH_ERROR``, when it is classified; afterwards it is replaced by that of
+the cluster's conditional Gaussian on the ray. The paper takes two axes of the front view for this; here every ray has
+its own frame, so that it holds for every view and for a perspective camera.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,6 @@ Ids = NDArray[np.intp]
 HAND_ERROR = 0.01
 #: Standard deviation of the depth of the surface of another pose below a drawn point, as a share of the head's height.
 DEPTH_ERROR = 0.04
-# EM stops when the mean log likelihood per place rises by less than this.
-_RISE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +58,6 @@ class PointMixture:
         means: Shape (F, 3).
         covariances: Shape (F, 3, 3), without the hand's error.
         hand_error: Standard deviation of a hand's error, in the character's unit; its square is added to all variances.
-        log_likelihoods: Mean log likelihood per place before each round of EM and after the last.
     """
 
     names: tuple[str, ...]
@@ -68,54 +65,24 @@ class PointMixture:
     means: Array
     covariances: Array
     hand_error: float
-    log_likelihoods: tuple[float, ...] = ()
 
     @classmethod
-    def fit(cls, points: Array, names: tuple[str, ...], hand_error: float, rounds: int = 0) -> "PointMixture":
-        """Fit the mixture to positions of feature points in training poses.
+    def fit(cls, points: Array, names: tuple[str, ...], hand_error: float) -> "PointMixture":
+        """Return the maximum likelihood Gaussians of the named places of feature points in training poses.
+
+        The paper refines them by EM over places without their names, which lets clusters that overlap, such as those of
+        lips that touch, exchange places, so that they lose their meaning.
 
         Args:
             points: Shape (n, F, 3).
             names: Names of the feature points.
             hand_error: Standard deviation of a hand's error, more than 0.
-            rounds: Greatest number of rounds of EM over places without their names. With 0, each Gaussian is the
-                maximum likelihood one of its named places. EM lets clusters that overlap, such as those of lips that
-                touch, exchange places, so that they lose their meaning.
         """
         n, count = points.shape[:2]
         means = points.mean(axis=0)
         deviations = points - means
         covariances = np.einsum("nfi,nfj->fij", deviations, deviations) / n
-        fitted = cls(names, np.full(count, 1.0 / max(count, 1)), means, covariances, hand_error)
-        places = points.reshape(-1, 3)
-        history: list[float] = []
-        for _ in range(rounds):
-            likelihood, fitted = fitted._improved(places)
-            history.append(likelihood)
-            if len(history) > 1 and history[-1] - history[-2] < _RISE:
-                break
-        return cls(fitted.names, fitted.weights, fitted.means, fitted.covariances, hand_error, tuple(history))
-
-    def _improved(self, places: Array) -> tuple[float, "PointMixture"]:
-        """Return the mean log likelihood of ``places``, shape (m, 3), and the mixture after one round of EM.
-
-        With the hand's error as known noise, the places before the noise are latent variables as well.
-        """
-        noisy = self.covariances + self.hand_error**2 * np.eye(3)
-        joint = np.log(self.weights) + _log_gaussians(places, self.means, noisy)
-        evidence = np.logaddexp.reduce(joint, axis=1)
-        shares = np.exp(joint - evidence[:, None])
-        total = shares.sum(axis=0) + 1e-12
-        deviations = places[:, None] - self.means
-        gains = self.covariances @ np.linalg.inv(noisy)
-        cleaned = np.einsum("fij,mfj->mfi", gains, deviations)
-        means = self.means + np.einsum("mf,mfi->fi", shares, cleaned) / total[:, None]
-        cleaned -= (means - self.means)[None]
-        second = np.einsum("mf,mfi,mfj->fij", shares, cleaned, cleaned, optimize=True) / total[:, None, None]
-        covariances = second + self.covariances - gains @ self.covariances
-        covariances = 0.5 * (covariances + covariances.transpose(0, 2, 1))
-        improved = PointMixture(self.names, total / total.sum(), means, covariances, self.hand_error)
-        return float(evidence.mean()), improved
+        return cls(names, np.full(count, 1.0 / max(count, 1)), means, covariances, hand_error)
 
     def log_parts(self, rays: Rays, surface: Array, depth_error: float) -> tuple[Array, Array]:
         """Return ln p(x | i) of drawn points across their rays and ln p(d | x, i) of their depth, each of shape (n, F).
@@ -160,14 +127,6 @@ class PointMixture:
         pull = np.linalg.solve(rotated[:, :2, :2], rotated[:, :2, 2:])[..., 0]
         depth = (pull * local[:, :2]).sum(axis=1) - local[:, 2]
         return np.asarray(rays.origin + depth[:, None] * axes[:, 2])
-
-
-def _log_gaussians(places: Array, means: Array, covariances: Array) -> Array:
-    """Return ln N(t; mean_i, C_i) of ``places``, shape (m, 3), for each of F Gaussians, shape (m, F)."""
-    whiteners = np.linalg.inv(np.linalg.cholesky(covariances))
-    white = np.einsum("fij,mfj->mfi", whiteners, places[:, None] - means, optimize=True)
-    peaks = np.log(np.einsum("fii->fi", whiteners)).sum(axis=1) - 1.5 * np.log(2.0 * np.pi)
-    return np.asarray(peaks - 0.5 * (white**2).sum(axis=-1))
 
 
 def _log_gaussian_of(deviations: Array, covariances: Array) -> Array:

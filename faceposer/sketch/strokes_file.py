@@ -1,6 +1,5 @@
 """Files of strokes, read by ``faceposer sketch`` (docs/sketching-files.md)."""
 
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,20 +42,15 @@ def read_strokes(path: Path, character: Character, camera: Camera | None = None)
     """Return the strokes in the file ``path``, in the order of drawing.
 
     Args:
-        path: A file of one of the ``READERS``, by its suffix.
+        path: The file; its name ends in ".json".
         character: The character that is drawn.
         camera: The camera under which they were drawn, in place of that of the file.
 
     Raises:
         FacePoserError: If the file cannot be read or is not valid; the message names the place.
     """
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise FacePoserError(f"The strokes '{path}' must be a file that ends in {' or '.join(map(repr, READERS))}.")
-    return reader(path, character, camera)
-
-
-def _read_json(path: Path, character: Character, camera: Camera | None) -> tuple[DrawnStroke, ...]:
+    if path.suffix.lower() != ".json":
+        raise FacePoserError(f"The strokes '{path}' must be a file that ends in '.json', or in '.svg' for a drawing.")
     return read_json(path, "strokes", lambda data: strokes_from_json(data, character, camera), _MAX_BYTES)
 
 
@@ -81,7 +75,3 @@ def strokes_from_json(data: Any, character: Character, camera: Camera | None = N
                     f"{', '.join(missing)}."
                 )
     return tuple(DrawnStroke(np.array(stroke.pixels), camera, stroke.feature) for stroke in form.strokes)
-
-
-#: Readers of files of strokes by suffix.
-READERS: Mapping[str, Callable[[Path, Character, Camera | None], tuple[DrawnStroke, ...]]] = {".json": _read_json}

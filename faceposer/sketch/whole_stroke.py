@@ -19,8 +19,9 @@ from faceposer.sketch.curve_density import (
     hand_unit,
     visibility,
 )
+from faceposer.sketch.drawing_order import is_redrawn, log_prior
 from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
-from faceposer.sketch.habits import Habits, family_of, habits_of
+from faceposer.sketch.habits import Habits, as_drawn, family_of, habits_of
 from faceposer.sketch.hand import SAMPLES, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
 from faceposer.sketch.openness import log_openness
@@ -43,11 +44,8 @@ class Tuning:
         scribble: Prior probability of such a stroke.
         spread: Spread of poses about each training pose, as a share of that of all poses.
         present: Share of poses near the present one.
-        temperature: Factor by which log evidence is divided, since samples are less independent than assumed.
-        others: The same for the strokes that have been drawn before.
-        again: Prior of a feature that has been drawn before, relative to one that has not.
-        line: Prior of the line of a closed mouth, relative to another feature.
-        early: The same of a lip and of a lid of ``AFTER`` that is drawn before any that it usually follows.
+        others: Factor by which the log evidence of strokes that have been drawn before is divided, since an error of
+            the hand or of the poses would else be carried on.
         unseen: Least prior of a feature that faces away.
         finalists: Number of features that are compared exactly.
     """
@@ -57,22 +55,11 @@ class Tuning:
     scribble: float = 0.2
     spread: float = 0.3
     present: float = 0.4
-    temperature: float = 1.5
     others: float = 3.0
-    again: float = 0.2
-    line: float = 0.7
-    early: tuple[float, float] = (0.5, 0.2)
     unseen: float = 0.003
     finalists: int = 4
 
 
-#: Features that are drawn after others: what is below after what is above, what is inside after what is outside.
-AFTER = {
-    "left lower lid": {"left upper lid"},
-    "right lower lid": {"right upper lid"},
-    "inner upper lip": {"outer upper lip", "mouth outline"},
-    "inner lower lip": {"outer lower lip", "inner upper lip", "mouth outline"},
-}
 # Distance of a line's middle from that of a stroke beyond which it is not considered, in units of the hand, and the
 # share of the stroke's length that is added.
 _REACH, _REACH_LENGTH = 110.0, 0.35
@@ -151,7 +138,7 @@ class WholeStrokeRecogniser:
     ) -> list[tuple[Evidence, int]]:
         """Return the evidence for each of ``names``, as the index of a line of an ``Evidence``."""
         # A feature that is drawn again may take any shape, whatever it was before.
-        again = [name for name in names if name in drawn or drawn & set(FEATURES[name].components)]
+        again = [name for name in names if is_redrawn(name, drawn)]
         new = [name for name in names if name not in again]
         before = self._after(tuple(other for other in others if other.feature in self._rows.tracks))
         found = []
@@ -163,7 +150,7 @@ class WholeStrokeRecogniser:
             intervals = [candidate_intervals(self._rows.tracks[name].closed, coarse=True) for name in group]
             of_group = evidence(curves, samples, self.tuning.hand, intervals)
             found += [(of_group, index) for index in range(len(group))]
-        totals = [part.log_total(index, self.tuning.temperature) for part, index in found]
+        totals = [part.log_total(index) for part, index in found]
         for i in np.argsort(totals)[: -1 - self.tuning.finalists : -1]:
             if totals[i] > max(totals) - _NO_FINALIST:
                 part, index = found[i]
@@ -237,8 +224,8 @@ class WholeStrokeRecogniser:
         tuning = self.tuning
         seen = visibility(self._rows, stroke.camera)
         names = [part.tracks[index].feature for part, index in found]
-        totals = np.array([part.log_total(index, tuning.temperature) for part, index in found])
-        logs = totals / tuning.temperature
+        totals = as_drawn(names, np.array([part.log_total(index) for part, index in found]), habits)
+        logs = totals.copy()
         length, covered = float(lengths_along(samples)[-1]), np.ones(len(found))
         winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
         untidy = _beyond(winding, *_WINDING) + _beyond(trembling, *_TREMBLING)
@@ -248,24 +235,19 @@ class WholeStrokeRecogniser:
                 continue
             # A line drawn where the mouth is closed is of a closed mouth, whatever pose is nearest to its ends.
             apart = 1.0 - habits.on_line if names[i] == "mouth line" else 1.0
-            logs[i] += apart * log_openness(self._rows, part, index) / tuning.temperature
+            logs[i] += apart * log_openness(self._rows, part, index)
             logs[i] += np.log(max(seen[names[i]], tuning.unseen))
-            if names[i] == "mouth line":
-                logs[i] += np.log(tuning.line)
-            if names[i] in AFTER and not drawn & AFTER[names[i]]:
-                logs[i] += np.log(tuning.early["lid" in names[i]])
+            logs[i] += log_prior(names[i], drawn)
             if feature is None:
                 line = part.curves.pixels[names[i]]
                 covered[i] = length / max(float(lengths_along(line)[-1]), 1e-9)
                 logs[i] -= _beyond(-covered[i], -(_CONTINUED if names[i] in drawn else _PIECE[0]), _PIECE[1]) + untidy
-            if names[i] in drawn or drawn & set(FEATURES[names[i]].components):
-                logs[i] += np.log(tuning.again)
         count = max(len(self._rows.tracks), 1)
         logs += np.log((1.0 - tuning.scribble) / count)
         # The middle of the face in the coordinates of the samples.
         unit = hand_unit(self._rows, stroke.camera)
         middle = (stroke.camera.project(self._rows.middle[None])[0] - stroke.camera.principal_point) / unit
-        scribble = tuning.scribbles.log_density(samples - middle) / tuning.temperature + np.log(tuning.scribble)
+        scribble = tuning.scribbles.log_density(samples - middle) + np.log(tuning.scribble)
         if feature is not None:
             scribble = -np.inf
         top = max(scribble, logs.max(initial=-np.inf))

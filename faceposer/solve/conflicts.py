@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from faceposer.solve.constraints.point import PointConstraint, PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS
 from faceposer.solve.problem import PoseProblem, gather_points
-from faceposer.solve.reach import reach_of_rows
+from faceposer.solve.reach import ReachTerm
 from faceposer.solve.term import Array, PoseState
 
 # Least share of the opposing force of an opponent.
@@ -53,17 +52,16 @@ def find_conflicts(problem: PoseProblem, p: ArrayLike) -> list[Conflict]:
     forces: dict[int, Array] = {}
     for i in active:
         terms = CONSTRAINTS[constraints[i].kind].terms([constraints[i]], [slots[i]], problem.model)
-        constraint = constraints[i]
-        if isinstance(constraint, PointConstraint) and problem.limits is not None:
-            for term in terms:
-                if isinstance(term, PointTerm):
-                    term.apply_reach(problem.model, start, problem.limits, problem.trust)
-            rows, neutral = start.anchored_at(slots[i])
-            reach = reach_of_rows(problem.model, start.p, rows, neutral, constraint.camera, problem.limits)
-            pull = constraint.target - start.pixels[slots[i]]
-            lost = (1.0 - problem.trust) * float(np.hypot(*(pull - reach.limited(pull))[0]))
-            if i in unmet and lost > _BEYOND * residuals[i]:
-                beyond[i] = float(reach.mobility[0])
+        if problem.limits is not None:
+            limited = [
+                term.within_reach(problem.model, start, problem.limits, problem.trust)
+                for term in terms
+                if isinstance(term, ReachTerm)
+            ]
+            terms = [*limited, *(term for term in terms if not isinstance(term, ReachTerm))]
+            for term in limited:
+                if i in unmet and term.lost > _BEYOND * residuals[i]:
+                    beyond[i] = term.mobility
         forces[i] = -np.sum([term.value_and_gradient(state)[1] for term in terms], axis=0)
     metric = np.linalg.inv(problem.curvature(pose))
     conflicts = []

@@ -12,13 +12,12 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.muscles import dependent_pairs
 from faceposer.sized_cache import sized_cache
-from faceposer.solve.constraints.point import PointTerm
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
 from faceposer.solve.least_motion import LeastMotion, LinearisedEnergy
 from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, gaze_differences, prior_at
-from faceposer.solve.reach import limits_around
-from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term
+from faceposer.solve.reach import ReachTerm, limits_around
+from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term, reduced
 
 #: Spread of a new session, from 0 (local) to 1 (the whole face).
 SPREAD = 0.5
@@ -70,7 +69,7 @@ class PoseProblem:
         start: The pose on which the prior is conditioned, shape (r,): the given one, with the eyes turned.
         limits: Limits of the weights of the model's density, widened to the home pose, shape (W, 2); None if the
             problem has none.
-        trust: Share from 0 to 1 by which targets of points count unlimited; see ``PointTerm.apply_reach``.
+        trust: Share from 0 to 1 by which targets count unlimited; see ``ReachTerm.within_reach``.
     """
 
     def __init__(
@@ -166,12 +165,13 @@ class PoseProblem:
         self._terms.append(term)
         self.__dict__.pop("_quadratic_form", None)
 
-    def _apply_reach(self, informative: Sequence[Term]) -> None:
+    def _apply_reach(self, informative: list[Term]) -> None:
         """Widen the rig's limits to the home pose, and limit the targets of points to their reach."""
         self.limits = _limits_at(self.model, self._home.tobytes())
-        for term in informative:
-            if isinstance(term, PointTerm):
-                term.apply_reach(self.model, self._start_state, self.limits, self.trust)
+        for i, term in enumerate(informative):
+            if isinstance(term, ReachTerm):
+                limited = term.within_reach(self.model, self._start_state, self.limits, self.trust)
+                self._terms[self._terms.index(term)] = informative[i] = limited
 
     def _add_bounds(self, informative: Sequence[Term]) -> None:
         """Add the terms that apply at every weight of the prior: the rig's limits and parallel gaze.
@@ -192,7 +192,7 @@ class PoseProblem:
 
         An offset of the start translates this density without changing its shape.
         """
-        rows, residual = _linearised(informative, self._start_state)
+        rows, residual = reduced(*_linearised(informative, self._start_state))
         self.mixture = prior_at(self.model, begin, prior, wholeness).near(rows, residual, covered)
         if self.start is not begin:
             self.mixture = self.mixture.translated_by(self.start - begin)
@@ -370,18 +370,13 @@ def _linearised(terms: Sequence[Term], state: PoseState) -> tuple[Array, Array]:
     residuals: list[Array] = [np.zeros(0)]
     for term in terms:
         if isinstance(term, ResidualTerm):
-            roots = np.sqrt(term.weights)
-            rows.append(roots[:, None] * term.jacobian(state))
-            residuals.append(roots * term.residual(state))
+            own_rows, own = term.linearised(state)
+            rows.append(own_rows)
+            residuals.append(own)
         else:
             slope, curvature = term.value_and_gradient(state)[1], term.curvature(state)
             faint = 1e-9 * np.trace(curvature) / n + 1e-12
             lower = np.linalg.cholesky(0.5 * curvature + faint * np.eye(n))
             rows.append(lower.T)
             residuals.append(np.asarray(np.linalg.solve(lower, 0.5 * slope), dtype=np.float64))
-    stacked, off = np.concatenate(rows), np.concatenate(residuals)
-    if len(off) > n + 1:
-        # Only products of the rows matter: hundreds of rows of a stroke reduce to one more than there are columns.
-        reduced: Array = np.asarray(np.linalg.qr(np.column_stack([stacked, off]), mode="r"))
-        stacked, off = reduced[:, :-1], reduced[:, -1]
-    return stacked, off
+    return np.concatenate(rows), np.concatenate(residuals)

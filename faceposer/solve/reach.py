@@ -11,7 +11,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.muscles import dependent_pairs
 from faceposer.sized_cache import sized_cache
-from faceposer.solve.term import Array, Indices, PoseState
+from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm
 
 # Motion of a point by a shape, as a share of the shape's largest motion: below the first share a pull on the point is
 # not attributed to the shape; above the second it is.
@@ -108,6 +108,30 @@ def reach_of_points(model: FaceModel, state: PoseState, points: Indices, camera:
     The result is cached, since dragging points leaves the start pose unchanged.
     """
     return _reach_of_points(model, state, points.tobytes(), camera, limits.tobytes())
+
+
+class ReachTerm(ResidualTerm):
+    """A term of targets in the image, which can be limited to the reach of their points.
+
+    Attributes:
+        lost: Mean length by which pulls were shortened, in pixels.
+        mobility: Mean mobility of the points, from 0 to 1.
+    """
+
+    lost = 0.0
+    mobility = 1.0
+
+    def within_reach(self, model: FaceModel, state: PoseState, limits: Array, trust: float = 0.0) -> "ReachTerm":
+        """Return the term with its targets limited to their reach from ``state``.
+
+        Args:
+            model: The face.
+            state: The pose that the pulls start from.
+            limits: Limits of the weights of the model's density at the pose, shape (W, 2).
+            trust: Share from 0 to 1 by which pulls count unchanged. It is larger the more of the face is constrained,
+                and the larger the spread.
+        """
+        raise NotImplementedError
 
 
 @sized_cache(lambda reach, model, state, *_: state.nbytes + 2 * reach.steps.nbytes, *_CACHED)

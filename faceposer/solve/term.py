@@ -18,6 +18,9 @@ from faceposer.geometry.camera import Camera
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+# Share of superfluous rows that are kept.
+_FEW_MORE = 1.25
+
 
 @dataclass(frozen=True, eq=False)
 class AnchoredPoints:
@@ -148,8 +151,25 @@ class ResidualTerm:
         weighted = self.weights * residual
         return float(weighted @ residual), self.pull_back(state, 2.0 * weighted)
 
+    def linearised(self, state: PoseState) -> tuple[Array, Array]:
+        """Return J, (m, r), and r, (m,), such that |J d + r|^2 approximates the cost for a change d from ``state``."""
+        roots = np.sqrt(self.weights)
+        return roots[:, None] * self.jacobian(state), roots * self.residual(state)
+
     def curvature(self, state: PoseState) -> Array:
         """Return the Gauss-Newton estimate of the second derivative, 2 J^T W J of shape (r, r)."""
         jacobian = self.jacobian(state)
         product: Array = 2.0 * (jacobian.T * self.weights) @ jacobian
         return product
+
+
+def reduced(rows: Array, residual: Array) -> tuple[Array, Array]:
+    """Return fewer rows and residuals with the same |``rows`` d + ``residual``|^2 for all d of shape (r,).
+
+    Only products of the rows matter: hundreds of rows of a stroke reduce to one more than there are columns. A few more
+    than these cost less than to reduce them.
+    """
+    if len(residual) <= _FEW_MORE * (rows.shape[1] + 1):
+        return rows, residual
+    upper: Array = np.asarray(np.linalg.qr(np.column_stack([rows, residual]), mode="r"))
+    return upper[:, :-1], upper[:, -1]

@@ -64,6 +64,7 @@ class SketchTool(PosingTool):
     handle_hint = "Click: choose another feature   ·   Shift+drag: move the stroke   ·   right click: remove it"
     cursor = "draw"
     edited_by_points = False
+    traces_photos = True
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use the shared ``tool_settings``."""

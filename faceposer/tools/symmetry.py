@@ -1,12 +1,12 @@
 """Symmetry: edits on one side of the face are mirrored on the other; existing asymmetry is kept."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.model.character_mirror import TOLERANCE, character_mirror
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS
 from faceposer.session.document import Document
@@ -14,16 +14,13 @@ from faceposer.session.session import Session
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.constraints.sketch import SketchConstraint
 
-# Shares of the head's height: the maximum distance of a point from the image of its partner, and the minimum distance
-# of a constraint from the middle to have a partner.
-_TOLERANCE = 0.003
+# Least distance of a constraint from the middle to have a partner, as a share of the head's height.
 _MIDDLE = 0.02
 
 
-@lru_cache(maxsize=2)
 def surface_mirror(model: FaceModel) -> SurfaceMirror:
-    """Return the mirror of the neutral face of ``model``."""
-    return SurfaceMirror(model.character.vertices, model.triangles, _TOLERANCE * model.character.height)
+    """Return the mirror correspondence of the neutral face of ``model``."""
+    return character_mirror(model.character)
 
 
 @dataclass
@@ -47,7 +44,7 @@ class Symmetry:
         for i, other in enumerate(document.constraints):
             if i != index and other.kind == constraint.kind and len(other.points) == len(image):
                 places = other.points.positions(model.character.vertices, model.triangles)
-                if np.abs(places - image).max() <= 2.0 * _TOLERANCE * model.character.height:
+                if np.abs(places - image).max() <= 2.0 * TOLERANCE * model.character.height:
                     return i
         return None
 

@@ -202,6 +202,7 @@ class PosingTool:
         handle_hint: Effect of the mouse on a handle of the tool, for the status bar.
         handle_order: Priority among handles at the same place; the lowest is grabbed.
         edited_by_points: True if the point tool edits and removes its constraints by their handles, too.
+        traces_photos: True if it is used to draw over photos, so that its options are shown beside them, too.
     """
 
     name = ""
@@ -215,6 +216,7 @@ class PosingTool:
     handle_hint = "Drag: edit the constraint   ·   right click: remove it"
     handle_order = 9
     edited_by_points = True
+    traces_photos = False
 
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use ``tool_settings``, which are shared with the other tools."""

@@ -58,6 +58,7 @@ class Toolbox:
         self._gesture_button: Button | None = None
         self._active: Tool | None = None
         self.hover: Hover | None = None
+        self._off_face: tuple[Hover, PosingTool, bool] | None = None
 
     @property
     def selection(self) -> frozenset[int]:
@@ -95,8 +96,18 @@ class Toolbox:
             return "arrow"
         if self.hover.pin is not None:
             return "grab"
-        works = self.hover.surface or self.chosen.works_at(self.hover.position, self._context)
-        return self.chosen.cursor if works else "arrow"
+        return self.chosen.cursor if self.hover.surface or self._works_off_face(self.hover) else "arrow"
+
+    def _works_off_face(self, hover: Hover) -> bool:
+        """Return True if a press at ``hover`` has an effect, although it is off the face.
+
+        Found once for each place of the pointer and not in every frame, since a tool may look around the place.
+        """
+        known = self._off_face
+        if known is None or known[0] is not hover or known[1] is not self.chosen:
+            works = self.chosen.works_at(hover.position, self._context)
+            known = self._off_face = (hover, self.chosen, works)
+        return known[2]
 
     def choose(self, name: str) -> None:
         """Choose the tool ``name``; the unfinished edit of another tool is discarded."""
@@ -144,7 +155,7 @@ class Toolbox:
         With the point tool, a press grabs the handles of all tools; the others draw over existing handles.
         """
         if self.chosen is self.point_tool:
-            for tool in self.tools.values():
+            for tool in self._by_handle:
                 if tool.hits_handle(event, self._context):
                     return tool
         return self.chosen if self.chosen.begins(event, self._context) else None
@@ -153,9 +164,7 @@ class Toolbox:
         if self.chosen.remove_at(event.position, self._context):
             return
         if self.chosen is self.point_tool:
-            for tool in self.tools.values():
-                if tool.edited_by_points and tool.remove_at(event.position, self._context):
-                    return
+            any(tool.remove_at(event.position, self._context) for tool in self._by_handle)
 
     def _begin(self, tool: Tool, event: PointerEvent) -> None:
         self._active, self._gesture_button = tool, event.button

@@ -22,6 +22,9 @@ from faceposer.model.mixture import GaussianMixture
 
 Array = NDArray[np.float64]
 
+# Responsibility below which a sample does not count for the covariance of a component.
+_NEGLIGIBLE = 1e-16
+
 
 class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[misc]
     """The density sum over k of weight_k N(mean_k, A_k A_k^T + Psi_k), with loadings A_k and diagonal noise Psi_k.
@@ -177,8 +180,10 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         counts = responsibilities.sum(axis=0) + 10.0 * np.finfo(np.float64).eps
         scatter = np.empty((self.n_components, X.shape[1], X.shape[1]))
         for k, mean in enumerate(self.means_):
-            weighted = X - mean
-            scatter[k] = (weighted * responsibilities[:, k, None]).T @ weighted
+            # Most samples belong to few components.
+            rows = np.flatnonzero(responsibilities[:, k] > _NEGLIGIBLE)
+            difference = X[rows] - mean
+            scatter[k] = (difference * responsibilities[rows, k, None]).T @ difference
         scatter += self._prior_samples * self._global_covariance
         scaled: Array = scatter / (counts + self._prior_samples)[:, None, None]
         return scaled
@@ -196,9 +201,10 @@ class MixtureOfFactorAnalyzers(DensityMixin, BaseEstimator):  # type: ignore[mis
         columns = []
         for mean, covariance in zip(self.means_, self.covariances_, strict=True):
             lower = np.linalg.cholesky(covariance)
-            whitened = np.linalg.solve(lower, (X - mean).T)
+            # A product with the inverse takes a fraction of the time of solving for as many samples.
+            whitened = (X - mean) @ np.linalg.inv(lower).T
             log_determinant = 2.0 * np.log(np.diag(lower)).sum()
-            squared = np.einsum("dn,dn->n", whitened, whitened)
+            squared = np.einsum("nd,nd->n", whitened, whitened)
             columns.append(-0.5 * (squared + log_determinant + X.shape[1] * np.log(2.0 * np.pi)))
         with np.errstate(divide="ignore"):
             log_joint: Array = np.stack(columns, axis=1) + np.log(self.weights_)

@@ -10,14 +10,15 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
 from faceposer.transfer.distances import DistanceTransfer
+from faceposer.transfer.examples import ExampleTransfer, KeyPair
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
 from faceposer.transfer.ranges import Scaling
 from faceposer.transfer.weights import WeightTransfer
 
 Array = NDArray[np.float64]
 
-#: Method of a transfer: by distances between feature points, or by the weights of ARKit's shapes.
-Method = Literal["distances", "weights"]
+#: Method of a transfer: by distances between feature points, by weights of ARKit's shapes, or by pairs of key poses.
+Method = Literal["distances", "weights", "examples"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
@@ -35,12 +36,23 @@ def make_transfer(
     method: Method = "distances",
     pairs: Sequence[Pair] = DEFAULT_PAIRS,
     scaling: Scaling = "neutral",
+    keys: Sequence[KeyPair] = (),
 ) -> Transfer:
-    """Return the transfer from ``source`` to ``target``; ``pairs`` and ``scaling`` apply to the method "distances".
+    """Return the transfer from ``source`` to ``target``.
+
+    Args:
+        source: The face that plays.
+        target: The face that follows.
+        method: How expressions are transferred.
+        pairs: Distances of the method "distances".
+        scaling: Their scaling.
+        keys: Key poses of the method "examples".
 
     Raises:
         FacePoserError: If one of the characters does not have the data required by the method.
     """
+    if method == "examples":
+        return ExampleTransfer(source, target, keys)
     if method == "weights":
         return WeightTransfer(source, target)
     return DistanceTransfer(source, target, pairs, scaling)

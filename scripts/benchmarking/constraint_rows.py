@@ -13,11 +13,13 @@ from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import stroke_pixels
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel, build_face_model
+from faceposer.model.feature_curves import FEATURES, feature_curves
 from faceposer.solve.constraints.curve import CurveConstraint
 from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.fixed import FixedConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import StrokeConstraint, as_pixels
 from faceposer.solve.map_solver import solve
 from faceposer.solve.problem import PoseProblem
@@ -29,6 +31,13 @@ from scripts.benchmarking.timing import Row, elapsed, row
 _PAIRS = (("2.2", "2.3"), ("8.3", "8.4"), ("3.1", "3.3"), ("4.1", "4.2"))
 # Corners of the mouth, chin and lips.
 _DRAGGED = ("8.3", "8.4", "2.1", "8.1", "8.2")
+# Features of an expression that is drawn completely.
+_DRAWN = (
+    *(f"{side} {name}" for name in ("brow", "upper lid", "lower lid") for side in ("left", "right")),
+    "outer upper lip",
+    "outer lower lip",
+)
+_EXPRESSION = {"mouthSmileLeft": 0.6, "mouthSmileRight": 0.6, "browInnerUp": 0.6, "jawOpen": 0.15}
 _FRAMES = (1000, 4000)
 Offsets = Iterator[tuple[float, float]]
 
@@ -118,6 +127,28 @@ def dragged_with_fixed(model: FaceModel, camera: Camera, count: int, moves: int)
         yield [*points, hold]
 
 
+def drawn_features(model: FaceModel, camera: Camera) -> list[SketchConstraint]:
+    """Return eight sketches of the lines of an expression."""
+    character = model.character
+    pose = model.coefficients_of(np.array([_EXPRESSION.get(name, 0.0) for name in character.shape_names]))
+    sketches = []
+    for feature in _DRAWN:
+        curve = feature_curves(character)[feature][0]
+        line = camera.project(model.positions_at(curve.points, pose))
+        matched = zip(FEATURES[feature].points, as_pixels(line[curve.knots]), strict=True)
+        sketch = SketchConstraint(as_pixels(line), camera, feature, tuple(matched))
+        sketches.append(sketch.resolved(model, model.neutral()))
+    return sketches
+
+
+def dragged_with_sketches(model: FaceModel, camera: Camera, moves: int) -> Iterator[list[Constraint]]:
+    """Yield eight sketches and a dragged mouth corner."""
+    sketches = drawn_features(model, camera)
+    corner = model.character.feature_points["8.3"]
+    for points in dragged_points(model, camera, [corner], 1, moves):
+        yield [*sketches, *points]
+
+
 def constraint_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
     """Measure a warm solve for each kind of constraint, including the set-up of the problem."""
     return [
@@ -131,6 +162,7 @@ def constraint_rows(model: FaceModel, camera: Camera, moves: int) -> list[Row]:
             warm_row(f"solve/fixed-{count}/mfa", model, dragged_with_fixed(model, camera, count, moves))
             for count in (100, 1000)
         ),
+        warm_row("solve/sketches-8/mfa", model, dragged_with_sketches(model, camera, moves)),
     ]
 
 

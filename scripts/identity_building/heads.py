@@ -121,7 +121,7 @@ class Cleaner:
     def _alignment_weights(self, above: NDArray[np.bool_]) -> Floats:
         """Return the weights by which heads are aligned: outer skin above the neck, without the ears."""
         skin = self._skin
-        left = np.concatenate([ring for ring in skin.rings_left[:LASH_RING]])
+        left = np.concatenate(skin.rings_left[:LASH_RING])
         weights = above.astype(np.float64)
         weights[left] = weights[skin.mirror[left]] = 0.0
         weights[np.unique(skin.quads[skin.in_mouth])] = 0.0

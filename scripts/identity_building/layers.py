@@ -36,7 +36,8 @@ def build_layers(texels: SkinTexels) -> dict[str, NDArray[np.uint8]]:
     """Return encoded images by name, from texels of 2048 x 2048.
 
     ``hair.STYLE``, ``brows.STYLE`` and ``beard`` have T and H one above the other; ``masks`` are lips, wet lines and
-    lashes, ``inside`` the lining of the mouth, what lies behind the lips, and the openness of folds. ``grain`` is the strength of pores.
+    lashes, ``inside`` the lining of the mouth, what lies behind the lips, and the openness of folds. ``grain`` is
+    the strength of pores.
     """
     looks = {name: LOOKS[name].skin for name in ("man", "woman", "low")}
     found = {}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -13,7 +14,11 @@ from PIL import Image
 from faceposer.cli import main
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.interchange.meshes import write_posed_obj
+from faceposer.landmarks.drawing import draw
+from faceposer.landmarks.painting import painted_character
 from faceposer.model.face_model import FaceModel
+from faceposer.model.feature_curves import feature_curves
+from faceposer.model.framing import face_view
 from faceposer.photo.places import GUIDED
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import load_model
@@ -55,6 +60,15 @@ COMMANDS: tuple[Command, ...] = (
     Command("sequence", ("export", CHARACTER, "--animation", "{in}/take.csv", "--sequence", "ply", "-o", "{out}"), ""),
     Command("train", ("train", "--rig", "{in}/rig", "-o", "{out}"), ".npz"),
     Command("photo", ("photo", CHARACTER, "{in}/face.png", "--pins", "{in}/pins.json", "-o", "{out}"), ".json"),
+    Command("sketch", ("sketch", CHARACTER, "{in}/strokes.json", "-o", "{out}"), ".json"),
+    Command(
+        "sketch report",
+        ("sketch", CHARACTER, "{in}/strokes.json", "-o", "{in}/other.json", "--report", "{out}"),
+        ".json",
+    ),
+    Command("animate", ("animate", CHARACTER, "{in}/trajectories.json", "-o", "{out}"), ".json"),
+    Command("landmarks", ("landmarks", "{in}/portrait.png", "-o", "{out}"), ".json"),
+    Command("landmarks image", ("landmarks", "{in}/portrait.png", "--image", "{out}"), ".png"),
     Command("transfer", ("transfer", "{in}/session.json", CHARACTER, "--method", "weights", "-o", "{out}"), ".json"),
     Command("render", ("render", "{in}/session.json", "-o", "{out}", "--size", "64x64"), ".png", draws=True),
     Command(
@@ -82,8 +96,24 @@ def make_inputs(folder: Path, names: Sequence[str] = _SHAPES) -> FaceModel:
     camera = Camera(np.diag([1.0, -1.0, -1.0]), np.array([3.0, -2.0, 120.0]), 900.0, (400, 300))
     seen = camera.project(character.vertices[[character.feature_points[name] for name in GUIDED]]).tolist()
     pins = [{"point": name, "pixel": pixel} for name, pixel in zip(GUIDED, seen, strict=True)]
+    portrait = draw(painted_character(character), face_view(character).camera((400, 400)))
+    Image.fromarray(portrait.image).save(folder / "portrait.png")
+    (folder / "strokes.json").write_text(json.dumps(_brow_stroke(model)))
+    chin = character.vertices[character.feature_points["2.1"]].astype(np.float64)
+    moves = [{"name": "2.1", "positions": [(chin - (0.0, 0.1 * frame, 0.0)).tolist() for frame in range(6)]}]
+    trajectories = {"format": "faceposer.trajectories", "version": 1, "rate": 30, "points": moves}
+    (folder / "trajectories.json").write_text(json.dumps(trajectories))
     (folder / "pins.json").write_text(json.dumps({"format": "faceposer.pins", "version": 1, "pins": pins}))
     return model
+
+
+def _brow_stroke(model: FaceModel) -> dict[str, Any]:
+    """Return a file of strokes with a raised brow."""
+    camera = face_view(model.character).camera((640, 480))
+    brow = feature_curves(model.character)["left brow"][0]
+    pixels = camera.project(model.positions_at(brow.points, model.neutral()) + (0.0, 0.3, 0.0)).tolist()
+    view = {"view": "front", "size": [640, 480]}
+    return {"format": "faceposer.strokes", "version": 1, "camera": view, "strokes": [{"pixels": pixels}]}
 
 
 def preload(inputs: Path, commands: Sequence[Command]) -> None:

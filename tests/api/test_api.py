@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,7 +85,7 @@ def test_the_example_on_the_page_is_ten_lines_and_runs(
 @pytest.mark.gl
 def test_the_other_example_on_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert len(EXAMPLES) == 3
+    assert len(EXAMPLES) == 5
     exec(compile(EXAMPLES[1], "docs/api.md", "exec"), {})
     assert sorted(p.name for p in tmp_path.iterdir()) == ["poses", "surprised.png"]
     weights = json.loads((tmp_path / "poses" / "closed-smile.json").read_text())["weights"]
@@ -449,3 +450,35 @@ def test_a_key_holds_the_solved_pose() -> None:
     assert keyed.performance is not None
     assert np.abs(keyed.coefficients).max() > 1e-3
     np.testing.assert_allclose(keyed.coefficients, solved.coefficients, atol=1e-9)
+
+
+def test_the_example_of_key_poses_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(EXAMPLES[3], "docs/api.md", "exec"), names)
+    goblin = names["goblin"]
+    ears = goblin.character.regions["ear_left"]
+    assert np.abs(goblin.vertices - goblin.character.vertices)[ears].max() > 0.2, "only its keys move its ears"
+
+
+def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
+    from faceposer.session.key_folder import KeyFolder
+    from faceposer.session.keys import load_keys
+
+    keys = faceposer.KeyPoses.create("low", "low", tmp_path / "keys")
+    assert len(keys.names) == 18
+    face = faceposer.load("low")
+    face.apply_pose("Happiness")
+    clone = face.transfer_to("low", "examples", keys=keys.folder)
+    key = next(pair for pair in load_keys(KeyFolder.read(keys.folder)).transfer.pairs if pair.name == "happiness")
+    np.testing.assert_allclose(clone.vertices, face.session.model.surface(key.target), atol=2e-3)
+    motion = faceposer.Performance(np.array([key.source, 0.5 * key.source]), 30.0)
+    assert keys.coverage(motion).distances.max() < 0.02
+    assert keys.importance("target").values.max() <= 1.0
+    keys.remove("happiness")
+    assert keys.coverage(motion).missed > 0.001
+    assert keys.helpful_frames(motion, 1)[0].frame == 0
+    with pytest.raises(FacePoserError, match="needs 'keys'"):
+        face.transfer_to("low", "examples")
+    with pytest.raises(FacePoserError, match="not for 'man'"):
+        face.transfer_to("man", "examples", keys=keys.folder)

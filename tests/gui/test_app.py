@@ -2,7 +2,6 @@
 
 import ctypes
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from faceposer.gui import editor
 from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop, FocusLost
 from faceposer.gui.settings import Settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.session.document import Document, write_document
 from tests.windows import OpenWindow
@@ -319,7 +319,8 @@ def test_frames_that_nobody_sees_do_not_queue_up_in_the_driver(robot: Robot, mon
     assert finished == list(range(drawn, drawn + 5))
 
 
-def test_resizing_minimising_and_a_dense_display(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resizing_minimising_and_a_dense_display(open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = open_window("man", pictures=True)
     app = robot.app
     smile(robot)
     for size in ((1300, 500), (481, 361), (1500, 1000)):
@@ -418,7 +419,7 @@ def test_a_session_opens_from_the_command_line(tmp_path: Path) -> None:
 def test_solving_beside_the_frames(tmp_path: Path) -> None:
     app = App("man", hidden=True, threaded=True, settings=Settings(window_size=(700, 560)))
     try:
-        robot = Robot(app)
+        robot = Robot(draw_few_pixels(app))
         smile(robot)
         app.session.wait()
         robot.frames(1)
@@ -473,12 +474,13 @@ def test_dropped_names_that_are_not_utf8_arrive(open_window: OpenWindow, tmp_pat
 
 
 @pytest.mark.gl
-def test_long_notices_are_wrapped_and_stay_longer(open_window: OpenWindow) -> None:
-    app = open_window("low", (700, 560), pictures=False).app
+def test_long_notices_are_wrapped_and_stay_longer(open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = open_window("low", (700, 560), pictures=True).app
     app.step()
     before = app.screenshot().astype(int)
+    monkeypatch.setattr("faceposer.gui.editor.time.perf_counter", lambda: 100.0)
     app.notify("It does not state times; 30 frames per second were assumed. " * 4)
-    assert app._notice_until - time.perf_counter() > 10.0
+    assert app._notice_until > 110.0
     app.step()
     rows = np.flatnonzero(np.abs(app.screenshot().astype(int) - before).max(axis=(1, 2)) > 40)
     line = 20

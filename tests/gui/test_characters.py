@@ -10,13 +10,14 @@ from faceposer.gui.app import App
 from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.features.import_character.summary import facts_of, sentence_of
 from faceposer.gui.settings import Settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.character_file import load_character, save_character
 from faceposer.training.summary import arkit_shapes_of
 from tests.windows import OpenWindow
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 
 @pytest.fixture
@@ -24,9 +25,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(1000, 760), folder=str(tmp_path)))
-    monkeypatch.setattr(
-        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
+    draw_few_pixels(app)
     yield Robot(app)
     if app._window is not None:
         app.close()
@@ -219,7 +218,7 @@ def test_the_count_of_shapes_agrees_with_what_is_missing(changed: dict[str, obje
 def test_memory_goes_back_soon_after_another_character_is_opened(
     open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    robot = open_window("low", pictures=False)
+    robot = open_window("low")
     robot.frames(20)
     trims: list[int] = []
     monkeypatch.setattr("faceposer.gui.app.return_free_memory", lambda: trims.append(robot.app.frames_drawn))

@@ -29,7 +29,7 @@ KEYS = {
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("man", (1000, 940), pictures=False)
+    return open_window("man", (1000, 940))
 
 
 def constraints(robot: Robot) -> tuple[Any, ...]:

@@ -41,7 +41,7 @@ def assert_visible(robot: Robot, names: tuple[str, ...]) -> None:
 def test_the_buttons_are_in_the_window(
     dialog: str, size: tuple[int, int], scale: float, open_window: OpenWindow
 ) -> None:
-    robot = open_window("low", size, pictures=False, ui_scale=scale)
+    robot = open_window("low", size, ui_scale=scale)
     robot.app.actions[dialog].run()
     robot.frames(8)
     assert_visible(robot, DIALOGS[dialog])
@@ -54,7 +54,7 @@ def test_the_buttons_are_in_the_window(
 def test_the_buttons_of_long_questions_are_in_the_window(
     size: tuple[int, int], scale: float, open_window: OpenWindow
 ) -> None:
-    robot = open_window("low", size, pictures=False, ui_scale=scale)
+    robot = open_window("low", size, ui_scale=scale)
     choices = (Choice("Restore the autosave"), Choice("Continue without it"), Choice("Cancel"))
     robot.app.dialogs.ask(Question("A long one", "Many words that need many lines. " * 30, choices, details="a\n" * 30))
     robot.frames(8)
@@ -63,7 +63,7 @@ def test_the_buttons_of_long_questions_are_in_the_window(
 
 @pytest.mark.parametrize("scale", [0.75, 1.0, 1.25, 1.5, 2.0])
 def test_a_question_that_fits_has_no_scroll_bar(scale: float, open_window: OpenWindow) -> None:
-    robot = open_window("low", (1200, 800), pictures=False, ui_scale=scale)
+    robot = open_window("low", (1200, 800), ui_scale=scale)
     x, y = robot.at("8.3")
     robot.drag((x, y), (x + 8, y - 10))
     robot.app.files.guard(lambda: None)
@@ -75,7 +75,7 @@ def test_a_question_that_fits_has_no_scroll_bar(scale: float, open_window: OpenW
 
 
 def test_the_import_dialog_stays_where_it_is(open_window: OpenWindow) -> None:
-    robot = open_window("low", (1200, 860), pictures=False)
+    robot = open_window("low", (1200, 860))
     app = robot.app
     importing = app.features[ImportCharacterFeature]
     importing.show()
@@ -102,7 +102,7 @@ def test_the_import_dialog_stays_where_it_is(open_window: OpenWindow) -> None:
 
 
 def test_nothing_can_be_imported_without_a_source(open_window: OpenWindow) -> None:
-    robot = open_window("low", (1200, 860), pictures=False)
+    robot = open_window("low", (1200, 860))
     importing = robot.app.features[ImportCharacterFeature]
     importing.show()
     robot.frames(6)
@@ -117,7 +117,7 @@ def test_nothing_can_be_imported_without_a_source(open_window: OpenWindow) -> No
 
 
 def test_esc_closes_a_list_and_then_the_dialog(open_window: OpenWindow) -> None:
-    robot = open_window("low", (1200, 860), pictures=False)
+    robot = open_window("low", (1200, 860))
     app = robot.app
     app.actions["transfer"].run()
     robot.frames(6)
@@ -134,7 +134,7 @@ def test_esc_closes_a_list_and_then_the_dialog(open_window: OpenWindow) -> None:
 
 
 def test_esc_closes_a_dialog_with_a_focused_field(open_window: OpenWindow) -> None:
-    robot = open_window("low", (1200, 860), pictures=False)
+    robot = open_window("low", (1200, 860))
     robot.app.features[ImportCharacterFeature].show()
     robot.frames(6)
     robot.click_widget("import:title")
@@ -146,7 +146,7 @@ def test_esc_closes_a_dialog_with_a_focused_field(open_window: OpenWindow) -> No
 
 def test_a_dialog_appears_where_it_stays(open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> None:
     """In its first frames Dear ImGui finds out how high a window is; meanwhile it is invisible and drawn again."""
-    robot = open_window("low", (1100, 860), pictures=False)
+    robot = open_window("low", (1100, 860))
     app = robot.app
     alphas: list[float] = []
     begin = imgui.begin_popup_modal
@@ -169,7 +169,7 @@ def test_a_dialog_appears_where_it_stays(open_window: OpenWindow, monkeypatch: p
 
 
 def test_a_tiny_window_still_has_a_panel_and_all_tools(open_window: OpenWindow) -> None:
-    robot = open_window("low", (480, 360), pictures=False, ui_scale=2.0)
+    robot = open_window("low", (480, 360), ui_scale=2.0)
     app = robot.app
     robot.frames(3)
     assert "save" not in app.widget_rects

@@ -13,7 +13,7 @@ from tests.windows import OpenWindow
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("low", (1100, 900), pictures=False)
+    return open_window("low", (1100, 900))
 
 
 def pull(robot: Robot, name: str = "8.3") -> None:

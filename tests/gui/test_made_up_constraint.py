@@ -28,7 +28,7 @@ def made_up() -> Iterator[None]:
 
 @pytest.fixture
 def robot(made_up: None, open_window: OpenWindow) -> Robot:
-    return open_window("low", (1000, 900), pictures=False)
+    return open_window("low", (1000, 900))
 
 
 @pytest.fixture

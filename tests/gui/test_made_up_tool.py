@@ -57,7 +57,7 @@ def robot(open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> Robot:
         self.tools[CountTool.name] = CountTool(self.tool_settings)
 
     monkeypatch.setattr(Toolbox, "__init__", build_with_count)
-    return open_window("low", (900, 700), pictures=False)
+    return open_window("low", (900, 700))
 
 
 def test_it_is_chosen_used_undone_and_accepted(robot: Robot) -> None:

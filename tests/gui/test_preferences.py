@@ -11,17 +11,19 @@ from faceposer.gui.app import App
 from faceposer.gui.features.preferences.feature import PreferencesFeature
 from faceposer.gui.features.recovery.feature import RecoveryFeature
 from faceposer.gui.settings import LIMITS, Settings, load_settings, save_settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.render.options import Look
+from tests.windows import OpenWindow
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     app = App("low", hidden=True, threaded=False, settings=Settings(window_size=(1000, 760), folder=str(tmp_path)))
-    yield Robot(app)
+    yield Robot(draw_few_pixels(app))
     app.close()
 
 
@@ -48,7 +50,8 @@ def test_navigation_and_size_hold_at_once(robot: Robot) -> None:
     assert not app.is_modal
 
 
-def test_background_and_light_change_the_view_and_no_file(robot: Robot) -> None:
+def test_background_and_light_change_the_view_and_no_file(open_window: OpenWindow) -> None:
+    robot = open_window("low", (1000, 760), pictures=True)
     app = robot.app
     robot.frames(2)
     usual = app.screenshot().astype(int)
@@ -172,7 +175,7 @@ def test_all_of_it_is_kept_for_the_next_start(tmp_path: Path, monkeypatch: pytes
         autosave_folder=str(tmp_path / "journals"),
     )
     save_settings(kept)
-    app = App("low", hidden=True, threaded=False)
+    app = draw_few_pixels(App("low", hidden=True, threaded=False))
     try:
         assert app.window.zoom == 1.25
         assert app.scene.look == Look("light", 0.5, 2.0)

@@ -17,7 +17,7 @@ EVENTS = 2500
 
 @pytest.fixture
 def app(open_window: OpenWindow) -> App:
-    return open_window("man", (700, 520), pictures=False).app
+    return open_window("man", (700, 520)).app
 
 
 @pytest.mark.slow

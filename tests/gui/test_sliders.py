@@ -10,7 +10,7 @@ from tests.windows import OpenWindow
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("low", (1000, 900), pictures=False)
+    return open_window("low", (1000, 900))
 
 
 def pull(robot: Robot) -> None:

@@ -11,11 +11,12 @@ from faceposer.gui.commands import about_text
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.settings import Settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.text import shortened, wrapped
 from faceposer.interchange.formats import FORMATS
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 
 def letters(text: str) -> float:
@@ -26,9 +27,7 @@ def letters(text: str) -> float:
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(1100, 900), folder=str(tmp_path)))
-    monkeypatch.setattr(
-        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
+    draw_few_pixels(app)
     yield Robot(app)
     app.close()
 
@@ -202,7 +201,7 @@ def test_the_mark_of_a_hidden_constraint_is_not_drawn(robot: Robot, monkeypatch:
 
 def test_the_window_reopens_where_and_as_large_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    app = App("low", hidden=True, threaded=False)
+    app = draw_few_pixels(App("low", hidden=True, threaded=False))
     robot = Robot(app)
     import glfw
 
@@ -213,7 +212,7 @@ def test_the_window_reopens_where_and_as_large_as_it_was(tmp_path: Path, monkeyp
     robot.frames(2)
     maximized = app.window.maximized
     app.close()
-    app = App("low", hidden=True, threaded=False)
+    app = draw_few_pixels(App("low", hidden=True, threaded=False))
     try:
         assert app.settings.window_size == (900, 700)
         assert app.settings.window_position == (37, 53)

@@ -8,19 +8,20 @@ import pytest
 from faceposer.gui.app import App
 from faceposer.gui.features.range_marks.feature import RangeMarksFeature
 from faceposer.gui.settings import Settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.model.character_file import load_character, save_character
 from tests.versions import renumbered
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 CORNER = "8.3"
 
 
 def opened(what: Path | str, folder: Path) -> Robot:
     app = App(str(what), hidden=True, threaded=False, settings=Settings(window_size=(900, 680), folder=str(folder)))
-    return Robot(app)
+    return Robot(draw_few_pixels(app))
 
 
 @pytest.fixture

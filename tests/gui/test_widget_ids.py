@@ -21,6 +21,7 @@ from faceposer.gui.features.import_character.feature import ImportCharacterFeatu
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import Settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.formats import FORMATS
@@ -29,7 +30,7 @@ from faceposer.poses.pose_file import Pose, write_pose
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 CORNER = "8.3"
 CTRL = frozenset({"ctrl"})
@@ -46,9 +47,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ids: WidgetIds) -> It
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     settings = Settings(window_size=(1360, 1000), folder=str(tmp_path), poses_folder=str(tmp_path / "poses"))
     app = App("man", hidden=True, threaded=False, settings=settings)
-    monkeypatch.setattr(
-        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
+    draw_few_pixels(app)
     vars(app.scene)["portrait"] = lambda _, camera, __: np.zeros((*camera.size, 3), dtype=np.uint8)
     yield Robot(app)
     if app._window is not None:

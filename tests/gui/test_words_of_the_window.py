@@ -14,7 +14,7 @@ from tests.windows import OpenWindow
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("low", (1100, 800), pictures=False)
+    return open_window("low", (1100, 800))
 
 
 def pull(robot: Robot, name: str = "8.3") -> None:
@@ -71,7 +71,7 @@ def test_figures_give_way_to_the_hint() -> None:
 
 @pytest.mark.parametrize("scale", [0.75, 1.0, 1.5, 2.0])
 def test_the_status_bar_is_inside_the_window(scale: float, open_window: OpenWindow) -> None:
-    robot = open_window("low", (1100, 800), pictures=False, ui_scale=scale)
+    robot = open_window("low", (1100, 800), ui_scale=scale)
     robot.frames(3)
     bar = next(w for w in imgui.get_current_context().windows if w.name == "##status")
     assert bar.pos.y + bar.size.y <= 800.0

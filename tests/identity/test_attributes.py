@@ -70,6 +70,22 @@ def test_each_attribute_is_set_and_keeps_all_others(attributes: HeadAttributes, 
                 assert share < 0.005, (attribute.name, other.name)
 
 
+def test_by_default_attributes_of_the_face_nearly_keep_the_others(
+    attributes: HeadAttributes, heads: list[np.ndarray]
+) -> None:
+    before = attributes.measure(heads[0])
+    for name in ("face-width", "chin-height", "upper-lip"):
+        value = before[name] + 1.0
+        after = attributes.measure(attributes.changed(heads[0], {name: value}))
+        assert after[name] == pytest.approx(value, abs=1e-3)
+        shares = [
+            abs(after[other.name] - before[other.name]) / (other.limits[1] - other.limits[0])
+            for other in attributes.attributes
+            if other.name != name
+        ]
+        assert 0.001 < max(shares) < 0.1
+
+
 def test_attributes_of_the_person_change_the_face_and_keep_each_other(
     attributes: HeadAttributes, heads: list[np.ndarray]
 ) -> None:

@@ -1,10 +1,12 @@
 """Textures of skins: learned ones are reproduced, layers act where they should, and skins are recognised."""
 
 import dataclasses
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from faceposer.errors import FacePoserError
 from faceposer.identity.companion_file import read_companion, save_companion
@@ -33,9 +35,12 @@ def _at(texture: np.ndarray, u: float, v: float) -> np.ndarray:
 FOREHEAD, SCALP, LIPS, CHIN, CHEEK = (0.5, 0.26), (0.5, 0.06), (0.5, 0.585), (0.5, 0.70), (0.36, 0.5)
 
 
-def test_a_texture_has_skin_hair_and_lips(mean: np.ndarray) -> None:
+def test_a_texture_has_skin_hair_and_lips(model: TextureModel, mean: np.ndarray) -> None:
     assert mean.shape == (SIZE, SIZE, 3)
     assert mean.dtype == np.uint8
+    small = Image.open(io.BytesIO(model.encoded(np.zeros(model.n_coefficients), size=256)))
+    reduced = np.asarray(Image.fromarray(mean).resize((256, 256), Image.Resampling.LANCZOS), dtype=float)
+    assert np.abs(np.asarray(small, dtype=float) - reduced).mean() < 3.0
     forehead, scalp, lips = (_at(mean, *place) for place in (FOREHEAD, SCALP, LIPS))
     assert forehead[0] > forehead[1] > forehead[2]
     assert scalp.mean() < 0.7 * forehead.mean()

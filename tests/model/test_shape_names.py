@@ -112,10 +112,10 @@ def test_other_names_are_not_taken_for_shapes(name: str) -> None:
 
 
 def test_names_without_end_take_no_time() -> None:
-    began = time.perf_counter()
+    began = time.process_time()
     for name in ("a:" * 200_000, ":" * 400_000, "._/|" * 100_000, "mesh." * 100_000 + "jawOpen"):
         assert canonical_shape(name) == ("jawOpen" if name.endswith("jawOpen") else None)
-    assert time.perf_counter() - began < 2.0
+    assert time.process_time() - began < 2.0
 
 
 def test_no_spelling_means_two_shapes() -> None:

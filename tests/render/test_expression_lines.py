@@ -149,7 +149,7 @@ def test_commands(command: str, tmp_path: Path) -> None:
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window()
+    return open_window(pictures=True)
 
 
 def test_the_window_switches_them(robot: Robot) -> None:

@@ -12,6 +12,7 @@ import pytest
 from faceposer.evaluation.feature_lines import of_length, width_of
 from faceposer.geometry.strokes import stroke_pixels
 from scripts.benchmarking.rivals import ratio_rows
+from tests.command_line import run_script
 
 ROOT = Path(__file__).resolve().parents[2]
 LINE = np.array([(100.3, 50.1), (160.2, 71.7), (220.8, 53.4)])
@@ -56,7 +57,7 @@ def test_ratios_of_times_are_held_against_what_is_asked_for() -> None:
 @pytest.mark.skipif("FACEPOSER_CAPTURES" not in os.environ, reason="needs the capture files")
 def test_strokes_are_compared(tmp_path: Path) -> None:
     path = tmp_path / "strokes.json"
-    result = run("compare_strokes.py", "--poses", "1", "--examples", "300", "--json", str(path), captures=True)
+    result = run_script("compare_strokes", "--poses", 1, "--examples", 300, "--json", path)
     assert result.returncode == 0, result.stderr
     rows = json.loads(path.read_text())["rows"]
     assert {row["method"] for row in rows} == {"image", "distance", "forward", "forward+centre", "both"}
@@ -77,7 +78,7 @@ def test_priors_are_compared(tmp_path: Path) -> None:
 
 
 def test_without_captures_comparing_says_what_to_set() -> None:
-    result = run("compare_strokes.py")
+    result = run_script("compare_strokes", FACEPOSER_CAPTURES=None)
     assert result.returncode == 1
     assert "FACEPOSER_CAPTURES" in result.stderr
 

@@ -1,8 +1,5 @@
 """What measures animation says what it says it does; it is run whole by hand."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +15,7 @@ from faceposer.model.shape_names import weight_map
 from faceposer.training.expressions import Recipe
 from scripts import study_animation
 from scripts.study_animation import Case, Study, jump_free_runs, with_gaps, with_jumps
+from tests.command_line import run_script
 from tests.evaluation.performances import weights, write_take
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,8 +75,6 @@ def test_runs_have_no_jump_of_the_tracker(study: Study, tmp_path: Path) -> None:
 
 
 def test_without_captures_it_says_what_to_set() -> None:
-    environment = {name: value for name, value in os.environ.items() if name != "FACEPOSER_CAPTURES"}
-    command = [sys.executable, str(ROOT / "scripts" / "study_animation.py")]
-    result = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
+    result = run_script("study_animation", FACEPOSER_CAPTURES=None)
     assert result.returncode == 1
     assert "FACEPOSER_CAPTURES" in result.stderr

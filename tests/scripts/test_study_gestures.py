@@ -1,20 +1,14 @@
 """The study of gestures as a command."""
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
-import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.command_line import run_script
 
 
-def study(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(ROOT / "scripts" / "study_gestures.py"), *words]
-    kept = {name: value for name, value in os.environ.items() if name != "FACEPOSER_RIGS"}
-    return subprocess.run(command, env=kept | environment, capture_output=True, text=True, check=False)
+def study(*words: str) -> subprocess.CompletedProcess[str]:
+    return run_script("study_gestures", *words, FACEPOSER_RIGS=None)
 
 
 def test_rows_and_summary(tmp_path: Path) -> None:
@@ -32,7 +26,6 @@ def test_rows_and_summary(tmp_path: Path) -> None:
     assert not (tmp_path / "pictures").exists()
 
 
-@pytest.mark.slow
 def test_what_it_refuses() -> None:
     nowhere = study("--characters", "facecap", "--gestures", "ear_out")
     assert nowhere.returncode == 1

@@ -1,9 +1,7 @@
 """The quick study of priors: what it tests on, what it keeps, and that take 4 is only looked at when asked for."""
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +9,9 @@ import pytest
 
 from faceposer.training.expressions import Recipe
 from scripts.study_performers import CELLS, line, sources
+from tests.command_line import run_script
 from tests.evaluation.performances import weights, write_take
 
-ROOT = Path(__file__).resolve().parents[2]
 TAKES = {"alex_rom_3": 120, "alex_rom_4": 60, "jmtechart_myslate_3": 80, "llv_dao": 70}
 VARIANTS = """
 VARIANTS = {
@@ -33,9 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(captures: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
     small = ("--character", "low", "--trials", "2", "--examples", "300")
-    command = [sys.executable, str(ROOT / "scripts" / "study_performers.py"), *small, *map(str, arguments)]
-    environment = os.environ | {"FACEPOSER_CAPTURES": str(captures)}
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
+    return run_script("study_performers", *small, *arguments, FACEPOSER_CAPTURES=str(captures))
 
 
 @pytest.mark.slow

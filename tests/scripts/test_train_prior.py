@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import run_script
+
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scripts" / "train_prior.py"
 
@@ -19,7 +21,6 @@ def test_learning_again_gives_the_committed_statistics() -> None:
 
 
 def test_without_captures_it_says_what_to_set() -> None:
-    environment = {name: value for name, value in os.environ.items() if name != "FACEPOSER_CAPTURES"}
-    result = subprocess.run([sys.executable, SCRIPT], env=environment, capture_output=True, text=True, check=False)
+    result = run_script("train_prior", FACEPOSER_CAPTURES=None)
     assert result.returncode == 1
     assert "FACEPOSER_CAPTURES" in result.stderr

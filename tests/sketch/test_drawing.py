@@ -110,6 +110,11 @@ def test_proportions_are_no_expression_by_a_drawn_neutral(man: FaceModel, camera
     assert found.relative == "drawn"
     true = {s.name: s.points for s in plain.strokes}
     off = recognise_drawing(sketcher, SvgDrawing(tuple(s for s in both if not s.neutral)), camera, relative=False)
+    # A neutral face that is not used need not show one.
+    line = SvgDrawing(tuple(both[:1]))
+    unused = recognise_drawing(sketcher, SvgDrawing(tuple(s for s in both if not s.neutral)), camera, False, line)
+    assert unused.relative == "off"
+    assert [s.candidate for s in unused.strokes] == [s.candidate for s in off.strokes]
 
     def error(result: RecognisedDrawing) -> float:
         gaps = [

@@ -85,13 +85,8 @@ def test_a_turned_world_gives_the_same() -> None:
     assert turned.log_joint(turned_rays, places @ turn.T, 0.3) == pytest.approx(mixture.log_joint(rays, places, 0.3))
 
 
-def test_em_increases_the_likelihood() -> None:
-    rng = np.random.default_rng(0)
-    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]) + 0.5 * rng.normal(size=(200, 2, 3))
-    fitted = PointMixture.fit(points, ("a", "b"), 0.1, rounds=15)
-    assert len(fitted.log_likelihoods) > 3
-    assert np.diff(fitted.log_likelihoods).min() > -1e-9
-    # Without rounds, each Gaussian is that of its own places.
-    named = PointMixture.fit(points, ("a", "b"), 0.1)
-    assert named.means == pytest.approx(points.mean(axis=0))
-    assert named.covariances[1] == pytest.approx(np.cov(points[:, 1].T, bias=True))
+def test_gaussians_are_those_of_their_named_places() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]) + 0.5 * np.random.default_rng(0).normal(size=(200, 2, 3))
+    fitted = PointMixture.fit(points, ("a", "b"), 0.1)
+    assert fitted.means == pytest.approx(points.mean(axis=0))
+    assert fitted.covariances[1] == pytest.approx(np.cov(points[:, 1].T, bias=True))

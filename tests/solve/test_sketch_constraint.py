@@ -9,14 +9,19 @@ import pytest
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.mirror import SurfaceMirror
+from faceposer.geometry.picking import SurfacePoint
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, feature_curves
 from faceposer.solve.conflicts import find_conflicts
+from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import constraint_from_json
 from faceposer.solve.constraints.sketch import SketchConstraint
+from faceposer.solve.constraints.sketch_matching import distances
+from faceposer.solve.constraints.sketch_term import SketchTerm
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.solve.map_solver import solve
-from faceposer.solve.problem import PoseProblem
+from faceposer.solve.problem import PoseProblem, gather_points
+from faceposer.solve.term import PoseState
 
 Array = np.ndarray
 EXPRESSION = {
@@ -307,3 +312,110 @@ def test_sketches_that_contradict_are_reported(model: FaceModel, camera: Camera)
     problem = PoseProblem(model, [up, down])
     conflicts = find_conflicts(problem, solve(problem).coefficients)
     assert {(c.index, c.opponent) for c in conflicts} == {(0, 1), (1, 0)}
+
+
+def test_many_sketches_cost_what_each_does(model: FaceModel, camera: Camera) -> None:
+    truth, p = model.coefficients_of(EXPRESSION), 0.3 * model.coefficients_of(EXPRESSION)
+    sketches = [
+        replace(drawn(model, name, truth, camera), weight=weight)
+        for name, weight in (("left brow", 1.0), ("jaw line", 0.5), ("mouth outline", 2.0))
+    ]
+
+    def cost(*chosen: SketchConstraint) -> tuple[float, Array, Array, Array]:
+        anchored, slots = gather_points(model, chosen)
+        (term,) = SketchConstraint.terms(chosen, slots, model)
+        state = PoseState(anchored, p)
+        rows, residual = term.linearised(state)
+        assert float(residual @ residual) == pytest.approx(term.value_and_gradient(state)[0])
+        return *term.value_and_gradient(state), term.curvature(state), rows.T @ rows
+
+    each = [cost(sketch) for sketch in sketches]
+    for whole, parts in zip(cost(*sketches), zip(*each, strict=True), strict=True):
+        np.testing.assert_allclose(whole, sum(parts), rtol=1e-9, atol=1e-9 * np.abs(whole).max())
+
+
+def test_a_dragged_point_beside_sketches_gives_the_pose_of_new_terms(model: FaceModel, camera: Camera) -> None:
+    truth = model.coefficients_of(EXPRESSION)
+    sketches = [drawn(model, name, truth, camera) for name in ("left brow", "outer upper lip")]
+    chin = SurfacePoint.at_vertex(model.triangles, model.character.feature_points["2.1"])
+    start = 0.2 * truth
+    for x, begin in ((400.0, None), (410.0, None), (410.0, start)):
+        constraints = [*sketches, PointConstraint(chin, (x, 700.0), camera)]
+        kept = solve(PoseProblem(model, constraints, begin), model.neutral()).coefficients
+        new = [sketch.resolved(model, model.neutral()) for sketch in sketches]
+        fresh = solve(PoseProblem(model, [*new, constraints[-1]], begin), model.neutral()).coefficients
+        np.testing.assert_allclose(kept, fresh, atol=1e-9)
+
+
+def test_distances_from_a_line() -> None:
+    rng = np.random.default_rng(0)
+    line = np.cumsum(rng.normal(size=(60, 2)), axis=0) + 800.0
+    line[3] = line[4]
+    points = np.concatenate([line[[0, 7]], line[rng.integers(0, 60, 20)] + 5.0 * rng.normal(size=(20, 2))])
+    dense = np.concatenate([np.linspace(a, b, 400) for a, b in pairwise(line)])
+    nearest = np.sqrt(((points[:, None] - dense) ** 2).sum(axis=2)).min(axis=1)
+    np.testing.assert_allclose(distances(points, line), nearest, atol=1e-2)
+
+
+def moved(model: FaceModel, sketch: SketchConstraint, name: str, spread: float = 0.5) -> tuple[float, Array]:
+    """Return the largest motion of the feature point ``name`` and its neighbours in cm, and the pose."""
+    p = solve(PoseProblem(model, [sketch], spread=spread)).coefficients
+    vertices = model.character.vertices
+    near = np.linalg.norm(vertices - vertices[model.character.feature_points[name]], axis=1) < 1.0
+    moves = np.linalg.norm(model.instance(p) - model.instance(model.neutral()), axis=1)
+    return float(moves[near].max()), p
+
+
+def test_a_raised_nose_wing_sneers(model: FaceModel) -> None:
+    camera = view_of(model, "front")
+    sketch = (
+        drawn(model, "left nose wing", model.neutral(), camera).nudged((0.0, -12.0)).resolved(model, model.neutral())
+    )
+    lip, p = moved(model, sketch, "8.1")
+    weights = dict(zip(model.character.shape_names, model.weights_of(p), strict=True))
+    assert max(weights, key=lambda name: abs(weights[name])) == "noseSneerLeft"
+    assert lip < 0.15
+    # With the whole face, what usually comes with it may move, too.
+    assert moved(model, sketch, "8.1", spread=1.0)[0] > lip
+
+
+def test_the_tremor_of_a_nose_wing_does_not_move_the_mouth(model: FaceModel) -> None:
+    still = drawn(model, "left nose wing", model.neutral(), view_of(model, "front"))
+    line = np.array(still.stroke)
+    wave = 3.0 * np.stack([np.sin(0.9 * np.arange(len(line))), np.cos(1.3 * np.arange(len(line)))], axis=1)
+    sketch = replace(still, stroke=as_pixels(line + wave)).resolved(model, model.neutral())
+    assert moved(model, sketch, "8.1")[0] < 0.05
+    assert moved(model, sketch, "8.3")[0] < 0.05
+
+
+def test_a_sketch_beyond_the_range_is_explained(model: FaceModel) -> None:
+    camera = view_of(model, "front")
+    sketch = drawn(model, "left brow", model.neutral(), camera).nudged((0.0, -90.0)).resolved(model, model.neutral())
+    problem = PoseProblem(model, [sketch])
+    p = solve(problem).coefficients
+    ((index, opponent, mobility),) = [(c.index, c.opponent, c.mobility) for c in find_conflicts(problem, p)]
+    assert (index, opponent) == (0, None)
+    assert mobility is not None
+    assert mobility > 0.9
+    mouth = moved(model, sketch, "8.3")[0]
+    assert mouth < 0.05
+
+
+def test_limits_of_sketches_fade_with_trust(model: FaceModel, camera: Camera) -> None:
+    sketch = (
+        drawn(model, "left nose wing", model.neutral(), camera).nudged((9.0, -9.0)).resolved(model, model.neutral())
+    )
+    anchored, slots = gather_points(model, [sketch])
+    (term,) = SketchConstraint.terms([sketch], slots, model)
+    assert isinstance(term, SketchTerm)
+    state = PoseState(anchored, model.neutral())
+    limits = model.rig_density.limits
+    limited = [term.within_reach(model, state, limits, trust) for trust in (0.0, 0.5, 1.0)]
+    assert limited[0].lost > 1.0
+    assert limited[1].lost == pytest.approx(0.5 * limited[0].lost)
+    assert limited[2].lost == pytest.approx(0.0)
+    whole = term.value_and_gradient(state)
+    np.testing.assert_allclose(limited[2].value_and_gradient(state)[1], whole[1])
+    gradient = limited[0].value_and_gradient(state)[1]
+    assert np.abs(gradient - whole[1]).max() > 0.1 * np.abs(whole[1]).max()
+    assert term.within_reach(model, state, limits, 0.5) is term.within_reach(model, state, limits, 0.5)

@@ -1,5 +1,8 @@
 """Sketches by pointer, with the real recogniser: drawn, named, renamed, redrawn, moved and taken back at each stage."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,6 +11,7 @@ from faceposer.geometry.picture_view import PictureView
 from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import feature_curves
 from faceposer.sketch.recognition import Candidate, Recognition
+from faceposer.sketch.sketcher import Sketcher
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.tools.sketch_tool import UNNAMED, UNRECOGNISED, SketchTool
 from tests.tools.context import HeadlessContext, Pixel, along, check_stages, shifted
@@ -120,16 +124,36 @@ def test_a_feature_without_matched_points_counts_as_none(
 def test_an_unnamed_stroke_is_named(context: HeadlessContext) -> None:
     tool = tool_of(context)
     context.follow(scribble(context))
-    context.send("press", scribble(context)[3])
-    context.send("release", scribble(context)[3])
-    if tool.unnamed is not None:
-        assert tool.listing == UNNAMED, "without candidates, a click asks for the list"
-        tool.name_stroke("jaw line", context)
-        context.session.poll()
-    assert len(context.constraints) == 1
+    context.click(scribble(context)[3])
+    assert tool.listing == UNNAMED, "without candidates, a click asks for the list"
+    assert context.constraints == ()
+    tool.name_stroke("jaw line", context)
+    context.session.poll()
+    assert features(context) == ["jaw line"]
     assert tool.unnamed is None
     context.undo()
     assert context.constraints == ()
+
+
+def test_a_click_names_an_unnamed_stroke_by_its_candidate(
+    context: HeadlessContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tool = tool_of(context)
+    way = way_of(context, "left brow", dy=-8.0)
+    recognise = Sketcher.recognise
+
+    def doubtful(*args: Any, **more: Any) -> Recognition:
+        return replace(recognise(*args, **more), accepted=False)
+
+    monkeypatch.setattr(Sketcher, "recognise", doubtful)
+    context.follow(way)
+    assert context.constraints == ()
+    assert tool.unnamed is not None
+    assert tool.unnamed.candidates[0].feature == "left brow"
+    context.click(way[len(way) // 2])
+    assert features(context) == ["left brow"]
+    assert tool.unnamed is None
+    assert tool.listing is None
 
 
 def test_a_click_chooses_the_next_feature_as_one_step(context: HeadlessContext) -> None:
@@ -326,16 +350,17 @@ def test_where_a_press_draws(context: HeadlessContext) -> None:
     jaw = context.feature("2.13")
     assert tool.works_at(shifted(context.feature("11.1"), 0, -30), context), "hair is a part of the head"
     assert tool.works_at(shifted(context.feature("2.1"), 0, 90), context), "as is the neck"
-    sides = [shifted(jaw, sign * dx, 0) for sign in (-1, 1) for dx in range(300)]
-    off = [place for place in sides if context.pick(place) is None]
-    on = {place for place in sides if context.pick(place) is not None}
+    sides = [shifted(jaw, sign * dx, 0) for sign in (-1, 1) for dx in range(0, 300, 2)]
+    picked = {place: context.pick(place) for place in sides}
+    off = [place for place, point in picked.items() if point is None]
+    on = {place for place, point in picked.items() if point is not None}
     assert on
     distances = {place: min(abs(place[0] - other[0]) for other in on) for place in off}
     near = [place for place, distance in distances.items() if distance < 10]
     far = [place for place, distance in distances.items() if distance > 85]
     assert near
-    assert all(tool.works_at(place, context) for place in near[::4])
-    assert not any(tool.works_at(place, context) for place in far[::20])
+    assert all(tool.works_at(place, context) for place in near[::2])
+    assert not any(tool.works_at(place, context) for place in far[::10])
     view = context.view
     context.drag((3.0, 3.0), (60.0, 3.0))
     assert context.view != view, "elsewhere, the view turns"

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any, Protocol
 
-from faceposer.cli.identity import fit, fit_photo
+from faceposer.cli.identity import fit, fit_photo, info, learn, mix, new, set_attributes
 
 NAME = "identity"
 
@@ -25,7 +25,7 @@ class Subcommand(Protocol):
         ...
 
 
-SUBCOMMANDS: tuple[Subcommand, ...] = (fit, fit_photo)
+SUBCOMMANDS: tuple[Subcommand, ...] = (new, set_attributes, mix, fit, fit_photo, learn, info)
 
 
 def add_parser(commands: Any) -> None:
@@ -42,4 +42,4 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the chosen subcommand and return the exit status."""
-    return next(subcommand for subcommand in SUBCOMMANDS if subcommand.NAME == options.action).run(options)
+    return next(subcommand for subcommand in SUBCOMMANDS if options.action == subcommand.NAME).run(options)

@@ -42,6 +42,7 @@ def study_rows(
     errors: HandErrors,
     seed: int,
     progress: Callable[[str], None],
+    any_order: bool = False,
 ) -> list[Document]:
     """Run all conditions on one character.
 
@@ -54,12 +55,13 @@ def study_rows(
         errors: Errors of the hand.
         seed: Seed of poses and strokes.
         progress: Called with a line at a time.
+        any_order: True if strokes are drawn in random order, not from above to below.
 
     Returns:
         A document for each number of training poses and method of recognition: its rows, the list of recognised
         strokes, and the share of accepted scribbles.
     """
-    trials = trials_of(setting, expressions(setting, frames, poses, seed), errors, seed)
+    trials = trials_of(setting, expressions(setting, frames, poses, seed), errors, seed, any_order=any_order)
     progress(f"{len(trials)} trials on {setting.character.name}")
     given = {(view, count): Tally() for view in VIEWS for count in COUNTS}
     documents = []

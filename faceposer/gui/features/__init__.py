@@ -13,10 +13,12 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.head.feature import HeadFeature
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.gui.features.photo.feature import PhotoFeature
+    from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
     from faceposer.gui.features.poses.feature import PosesFeature
     from faceposer.gui.features.preferences.feature import PreferencesFeature
     from faceposer.gui.features.range_marks.feature import RangeMarksFeature
     from faceposer.gui.features.recovery.feature import RecoveryFeature
+    from faceposer.gui.features.scan.feature import ScanFeature
     from faceposer.gui.features.sketch.feature import SketchFeature
     from faceposer.gui.features.timeline.feature import TimelineFeature
     from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
@@ -31,6 +33,8 @@ def build_features(context: EditorContext) -> Features:
         AnimationFilesFeature,
         TransferFeature,
         ImportCharacterFeature,
+        ScanFeature,
+        PhotoHeadFeature,
         ExportFeature,
         RangeMarksFeature,
         SketchFeature,

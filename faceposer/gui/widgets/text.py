@@ -24,6 +24,9 @@ def displayed(text: str, label: bool = True) -> str:
         text: Any text. Its part that stands for a file is not to be opened by the result.
         label: True for labels, in which Dear ImGui hides what follows "##".
     """
+    # As most texts are; some hundred are shown in every frame.
+    if len(text) <= _LONGEST and text.isprintable() and "##" not in text:
+        return text
     if len(text) > _LONGEST:
         text = _cut(text, _LONGEST)
     lines = (_HIDDEN.sub(lambda match: printable(match[0], _LONGEST), line) for line in text.split("\n"))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import cKDTree
 
 from faceposer.identity.anatomy.falloff import ramp
@@ -24,6 +25,9 @@ _LIP_REACH = 0.45
 _CLOSING = (1.0, 2.8)
 #: Radius around the mouth in which the size of the face determines that of the teeth, in centimetres.
 _AROUND = 5.0
+#: Radius around the lips, distance below them and width in which the mouth's lining is kept behind the chin, its
+#: distance from the lips' contact, and its distance behind the chin, all in centimetres.
+_CHIN, _LINING, _BEHIND_CHIN = (7.0, 0.5, 3.5), 0.8, 0.15
 #: Motion below which a vertex is taken not to turn with the jaw, and distance from the hinge for the same, in
 #: centimetres.
 _STILL, _AT_HINGE = 1e-3, 1.0
@@ -47,8 +51,8 @@ class Place:
 class MouthFit:
     """Mouth of a reference head, for fitting those of other heads of the same topology."""
 
-    def __init__(self, template: HeadTemplate, skin: Floats, opening: Floats) -> None:
-        """Measure the reference's ``skin``, (N, 3), and its shape jawOpen, ``opening``, (N, 3)."""
+    def __init__(self, template: HeadTemplate, skin: Floats, outer: Ints, opening: Floats) -> None:
+        """Measure the reference's ``skin``, (N, 3), with visible vertices ``outer``, and its jawOpen, ``opening``."""
         faces_at = faces_at_edges(template.control_quads, range(len(template.control_quads)))
         contact_ids = np.array(edge_loop(faces_at, skin, _LIP_CONTACT), dtype=np.int32)
         self._loop = fine_loop(template.fine, contact_ids)
@@ -67,7 +71,15 @@ class MouthFit:
         on_upper = np.isin(self._moved, self._upper[1:-1])
         on_lower = np.isin(self._moved, self._lower[1:-1])
         self._towards[on_upper], self._towards[on_lower] = -0.5, 0.5
-        self._gap = self._line(skin, self._upper) - self._line(skin, self._lower)
+        below = contact[:, 1].mean() - skin[:, 1]
+        middle_lips = contact.mean(axis=0)
+        close = np.linalg.norm(skin - middle_lips, axis=1) < _CHIN[0]
+        hidden = close & (below > _CHIN[1]) & (np.abs(skin[:, 0]) < _CHIN[2])
+        hidden[outer] = False
+        self._lining = np.flatnonzero(hidden & (cKDTree(contact).query(skin)[0] > _LINING))
+        front = outer[close[outer] & (below[outer] > 0.0) & (skin[outer, 2] > middle_lips[2] - _CHIN[2])]
+        self._chin = front
+        self._gap = self.gaps(skin)
         self.closing = 1.0 - ramp(*_CLOSING, cKDTree(contact).query(skin)[0])
         self._reference = self.place(skin)
         hinge = self._reference.hinge
@@ -80,10 +92,14 @@ class MouthFit:
         self._turned = np.where(far, np.clip(turned, 0.0, OPENING), 0.0)
         self._rest_of_opening = opening - (jaw_rotation(skin, self._turned, hinge) - skin)
 
+    def gaps(self, skin: Floats) -> Floats:
+        """Return the height of the upper lip over the lower one along their contact in ``skin``, (N, 3), (81,)."""
+        return self._line(skin, self._upper) - self._line(skin, self._lower)
+
     def close_lips(self, skin: Floats) -> Floats:
         """Return ``skin`` (N, 3) with the lips as close along their contact as in the reference."""
         scale = float(np.ptp(skin[self._loop, 0])) / self._width
-        excess = self._line(skin, self._upper) - self._line(skin, self._lower) - scale * self._gap
+        excess = self.gaps(skin) - scale * self._gap
         result = skin.copy()
         amount = np.interp(self._along(skin, self._contact_of), _SAMPLES, excess)
         result[self._moved, 1] += self._towards * self._fade * amount
@@ -102,6 +118,15 @@ class MouthFit:
         turned = jaw_rotation(skin, self._turned, place.hinge) - skin
         opening: Floats = turned + np.einsum("nij,nj->ni", maps, self._rest_of_opening)
         return opening
+
+    def lining_behind(self, skin: Floats, opening: Floats, closing: Floats) -> Floats:
+        """Return mouthClose, ``closing`` (N, 3), with the mouth's lining behind the chin together with jawOpen."""
+        posed = skin + opening + closing
+        surface = LinearNDInterpolator(posed[self._chin, :2], posed[self._chin, 2])
+        ahead = posed[self._lining, 2] - surface(posed[self._lining, :2]) + _BEHIND_CHIN
+        result = closing.copy()
+        result[self._lining, 2] -= np.nan_to_num(ahead).clip(min=0.0)
+        return result
 
     def carry(self, points: Floats, place: Place) -> Floats:
         """Return ``points`` (n, 3) inside the reference's mouth at their ``place`` in another head."""

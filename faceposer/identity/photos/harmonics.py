@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 N_LIGHT = 9
-# Expected light: white, and such that a photo is well exposed; dark skin in bright light and bright skin in dark light
-# look the same. Ridge on the differences, relative to the number of samples.
-_EXPECTED = np.array([0.95, *[0.0] * 8])
-_RIDGE = 0.02 * np.array([2.0, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.3, 0.3])
+# Mean light on the face of a photo that is well exposed, and its weight, relative to the number of samples: dark skin in
+# bright light and bright skin in dark light look the same.
+_EXPOSURE, _EXPOSED = 0.95, 0.05
+# Ridge on the coefficients, relative to the number of samples: least on the ambient light.
+_RIDGE = 0.02 * np.array([1e-3, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.3, 0.3])
 # Residual of a colour, 0 to 1, from which a sample counts less, and the number of rounds.
 _DOUBTFUL, _ROUNDS = 0.08, 4
 
@@ -54,13 +55,17 @@ def fitted_light(colours: Array, albedo: Array, normals: Array, trust: Array) ->
     """
     basis = harmonics(normals)
     light = np.zeros((N_LIGHT, 3))
+    total = max(float(trust.sum()), 1.0)
+    mean = trust @ basis / total
+    prior = total * (np.diag(_RIDGE) + _EXPOSED * np.outer(mean, mean))
+    expected = total * _EXPOSED * _EXPOSURE * mean
     for channel in range(3):
         rows, weights = basis * albedo[:, channel, None], trust
         for _ in range(_ROUNDS):
             weighted = rows * weights[:, None]
-            ridge = np.diag(_RIDGE * max(float(trust.sum()), 1.0))
-            right = weighted.T @ colours[:, channel] + ridge @ _EXPECTED
-            light[:, channel] = np.linalg.solve(weighted.T @ rows + ridge, right)
+            light[:, channel] = np.linalg.solve(
+                weighted.T @ rows + prior, weighted.T @ colours[:, channel] + expected
+            )
             left = colours[:, channel] - rows @ light[:, channel]
             weights = trust / (1.0 + (left / _DOUBTFUL) ** 2)
     return light

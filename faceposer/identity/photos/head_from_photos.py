@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.camera import Camera
-from faceposer.identity.editing import encoded_skin
+from faceposer.identity.editing import textures_of
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.photos.dense_fit import DenseFit, DenseFitter, DenseSettings
 from faceposer.identity.photos.face_camera import FaceCamera
@@ -113,7 +113,7 @@ def head_from_photos(
             _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
             for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
         ]
-        skin = photo_texture(lit, encoded_skin(identity.texture), basis, places)
+        skin = photo_texture(lit, textures_of(identity.texture)["skin"], basis, places)
         textures = {**model.character.textures, "skin": skin}
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))

@@ -25,20 +25,23 @@ Mask = NDArray[np.bool_]
 #: lids are often closed.
 EXPRESSIONS = {
     **dict.fromkeys(("eyeBlinkLeft", "eyeBlinkRight"), 0.5),
+    **dict.fromkeys(("mouthSmileLeft", "mouthSmileRight"), 0.25),
+    "jawOpen": 0.15,
+    **dict.fromkeys(("browInnerUpLeft", "browInnerUpRight", "browOuterUpLeft", "browOuterUpRight"), 0.06),
+    **dict.fromkeys(("browDownLeft", "browDownRight", "mouthFrownLeft", "mouthFrownRight"), 0.05),
     **dict.fromkeys(("eyeWideLeft", "eyeWideRight", "eyeSquintLeft", "eyeSquintRight"), 0.05),
-    "jawOpen": 0.12,
-    **dict.fromkeys(("jawForward", "jawLeft", "jawRight"), 0.03),
-    **dict.fromkeys(("mouthSmileLeft", "mouthSmileRight"), 0.12),
-    **dict.fromkeys(("mouthFrownLeft", "mouthFrownRight", "mouthPucker", "mouthFunnel"), 0.06),
-    **dict.fromkeys(("mouthStretchLeft", "mouthStretchRight", "mouthLowerDownLeft", "mouthLowerDownRight"), 0.05),
-    **dict.fromkeys(("mouthUpperUpLeft", "mouthUpperUpRight", "mouthLeft", "mouthRight"), 0.05),
-    **dict.fromkeys(("browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft", "browOuterUpRight"), 0.06),
-    **dict.fromkeys(("cheekPuff", "noseSneerLeft", "noseSneerRight"), 0.04),
+    **dict.fromkeys(("mouthLowerDownLeft", "mouthLowerDownRight", "noseSneerLeft", "noseSneerRight"), 0.04),
+    **dict.fromkeys(("mouthUpperUpLeft", "mouthUpperUpRight", "mouthStretchLeft", "mouthStretchRight"), 0.05),
+    **dict.fromkeys(("mouthPucker", "mouthFunnel", "cheekPuffLeft", "cheekPuffRight"), 0.03),
+    **dict.fromkeys(("mouthLeft", "mouthRight", "jawForward", "jawLeft", "jawRight"), 0.03),
 }
 # Trust in a scan's surface by region of the head: hair covers the scalp, clothes the neck, lids move.
 _TRUST = {
-    **{"scalp": 0.1, "neck": 0.03, "ear_left": 0.4, "ear_right": 0.4},
-    **{"lids_left": 0.3, "lids_right": 0.3, "lip_upper": 0.5, "lip_lower": 0.5},
+    "scalp": 0.1,
+    "neck": 0.03,
+    **dict.fromkeys(("ear_left", "ear_right"), 0.4),
+    **dict.fromkeys(("lids_left", "lids_right"), 0.3),
+    **dict.fromkeys(("lip_upper", "lip_lower"), 0.5),
 }
 # Heights over the neck's end, in centimetres, between which the trust rises: where it ends differs from scan to scan.
 _NECK = (5.0, 7.5)
@@ -50,7 +53,7 @@ _ON_SKIN = 0.3
 
 @dataclass(frozen=True, eq=False)
 class HeadBasis:
-    """A linear model of the skin of heads: mean + Σ_k α_k modes_k + Σ_e w_e expressions_e, in centimetres.
+    """A linear model of the skin of heads: mean + Σ_k b_k modes_k + Σ_e w_e expressions_e, in centimetres.
 
     Attributes:
         mean: Mean head, shape (N, 3).

@@ -1,7 +1,8 @@
 """Detail of a scan beyond the model: non-rigid registration where the scan is skin, blended into the model elsewhere.
 
-The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). What it finds
-is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the model:
+The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). What it
+finds is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the
+model:
 
     min Σ_v known ω ‖d_v - D_v‖² + λ ‖L d‖² + ε ‖d‖²,
 
@@ -37,7 +38,8 @@ _BALD_DISTANCE, _BALD_SHARE = 0.3, 0.75
 _MOVED = 0.35
 # Weight of known displacements, and number of edges within which they fade.
 _KNOWN, _FADE = 30.0, 12.0
-_IDENTITY = Similarity(np.eye(3), np.zeros(3), np.array(1.0))
+#: The similarity that moves nothing.
+IDENTITY = Similarity(np.eye(3), np.zeros(3), np.array(1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +79,13 @@ def find_detail(
         SETTINGS,
         progress,
         searching=searching,
-        frame=_IDENTITY,
+        frame=IDENTITY,
         bent=False,
     )
     links = _neighbours(basis)
     known = found.used & (np.linalg.norm(expression, axis=1) < _MOVED)
     known &= links @ (~known).astype(np.float64) < 0.5
-    return Detail(_faded(basis, found.vertices - posed, known), known)
+    return Detail(faded(basis, found.vertices - posed, known), known)
 
 
 def _searching(basis: HeadBasis, posed: Array, scan: TriangleMesh) -> Mask:
@@ -102,7 +104,8 @@ def _neighbours(basis: HeadBasis) -> sparse.csr_array:
     return sparse.csr_array(abs(graph_laplacian(basis.triangles, len(basis.mean))) > 0.0).astype(np.float64)
 
 
-def _faded(basis: HeadBasis, offsets: Array, known: Mask) -> Array:
+def faded(basis: HeadBasis, offsets: Array, known: Mask) -> Array:
+    """Return D of the module's equation: ``offsets``, (N, 3), where they are ``known``, faded out elsewhere."""
     n = len(basis.mean)
     laplacian = graph_laplacian(basis.triangles, n)
     smooth = laplacian.T @ laplacian + _FADE**-4.0 * sparse.eye_array(n)

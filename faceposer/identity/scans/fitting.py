@@ -1,19 +1,19 @@
 """Maximum a posteriori fit of a linear model of heads to scans with landmarks, coarse to fine.
 
-With the coefficients α of a head x(α) and, of each scan j, the weights w_j of expressions and the similarity T_j from
-the scan to the model's frame, the fit minimises
+With the coefficients b of a head x(b) and, of each scan j, the weights w_j of expressions and the similarity T_j from
+the scan to the model's frame, the fit minimises half of
 
-    Σ_j Σ_v ρ_v (n_v · (x_v(α, w_j) - T_j c_v))² / σ² + κ ‖x_v - T_j c_v‖² / σ²     closest points c_v with normals n_v
-    + Σ_j Σ_l ‖x_l(α, w_j) - T_j p_l‖² / σ_l²                                      landmarks p_l
-    + ‖α‖² + Σ_s ‖β_s‖² / τ² + 2 Σ w_j / m                                         prior
+    Σ_j Σ_v r_v ((n_v · (x_v(b, w_j) - T_j c_v))² + κ ‖x_v - T_j c_v‖²) / s²     closest points c_v with normals n_v
+    + Σ_j Σ_l ‖x_l(b, w_j) - T_j p_l‖² / s_l²                                    landmarks p_l
+    + ‖b‖² + Σ_k ‖β_k‖² / τ² + Σ_j Σ_e 2 λ w_je / m_e                            prior
 
-(Blanz and Vetter 1999, sections 3 and 4, with distances in place of grey values). In the last stages each segment s has
-its own coefficients α + β_s, blended by a partition of unity. The weights w ≥ 0 have an exponential prior with means m,
-under which most are zero, so that a neutral face is not explained by expressions. In each round, closest points and
-their weights ρ are fixed and T is linear in a small rotation, translation and scale; the normal equations are solved
-for all unknowns at once, those of w as a quadratic programme with bounds.
+(Blanz and Vetter 1999, sections 3 and 4, with distances in place of grey values). In the last stage each segment k has
+its own coefficients b + β_k, blended by a partition of unity. The weights 0 ≤ w ≤ 1 have an exponential prior in terms
+of their means m, under which most are zero, so that a neutral face is not explained by expressions. In each round,
+closest points and their weights r are fixed and T is linear in a small rotation, translation and scale; the normal
+equations are solved for all unknowns at once, those of w as a quadratic programme with bounds.
 
-ρ is the trust of the vertex, 0 where the closest point is far, faces another way or lies at a border, and falls with
+r is the trust of the vertex, 0 where the closest point is far, faces another way or lies at a border, and falls with
 the residual as in the M-estimator of Geman and McClure, as hair and clothes lie on the scan but not on the model. It
 contains the share of independent errors, since those of neighbours are alike.
 """
@@ -24,12 +24,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import Similarity
-from faceposer.geometry.mesh import TriangleMesh
 from faceposer.identity.scans.basis import HeadBasis
 from faceposer.identity.scans.surface import ScanSurface
 from faceposer.progress import Progress
@@ -47,6 +45,10 @@ _LEAST_COSINE = 0.7
 _LEAST_USED = 0.05
 # Deviations τ of the coefficients of segments from those of the whole head, in standard deviations.
 _LOCAL = 0.4
+# Rate of the exponential prior of the weights of expressions, as a multiple of the inverse of their means.
+_RATE = 1.0
+# Sweeps of the coordinate descent, and the change of a weight at which it ends.
+_SWEEPS, _SETTLED = 500, 1e-5
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ STAGES = (
     Stage(3, 0.2, None, 0.35),
     Stage(6, 0.4, 0.2, 0.4, (2.0, 1.0)),
     Stage(6, 1.0, 0.08, 0.5, (1.0, 0.6)),
-    Stage(6, 1.0, 0.04, 0.8, (0.6, 0.4), expressions=False),
+    Stage(6, 1.0, 0.04, 0.8, (0.6, 0.4)),
     Stage(10, 1.0, 0.008, 0.8, (0.4, 0.3), expressions=False),
     Stage(4, 1.0, 0.012, 0.8, (0.3, 0.3), expressions=False, segments=True),
 )
@@ -261,7 +263,7 @@ def _round(
     system.matrix[np.arange(n_shape), np.arange(n_shape)] += unknowns.precision
     firsts = n_shape + each * np.arange(len(scans))
     free = np.concatenate([first + np.arange(n_weights) for first in firsts])
-    system.right[free] -= np.tile(1.0 / basis.expression_means, len(scans))
+    system.right[free] -= np.tile(_RATE / basis.expression_means, len(scans))
     system.matrix[free, free] += 1.0
     held = None if stage.expressions else np.concatenate([state.weights for state in fit.scans])
     theta = _bounded(system, free, held)
@@ -297,7 +299,9 @@ def _surface_rows(
     mask = np.zeros(len(head), dtype=bool)
     mask[chosen[good]] = True
     if basis.trust[chosen[good]].sum() < _LEAST_USED * basis.trust[chosen].sum():
-        raise FacePoserError("The scan does not match its landmarks: move them to their places, or scan more of the face.")
+        raise FacePoserError(
+            "The scan does not match its landmarks: move them to their places, or scan more of the face."
+        )
     kept = np.flatnonzero(good)
     apart = places[kept] - head[chosen[kept]]
     across = np.einsum("nd,nd->n", apart, normals[kept])
@@ -358,11 +362,18 @@ def _bounded(system: _System, free: NDArray[np.int64], held: Array | None) -> Ar
     elif len(free):
         reduced = system.matrix[np.ix_(free, free)] - cross.T @ cho_solve(factor, cross)
         right = system.right[free] - cross.T @ cho_solve(factor, system.right[others])
-        # The square root of the matrix makes it a problem of least squares.
-        values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
-        values = np.maximum(values, 1e-9 * float(values.max()))
-        root = np.sqrt(values)[:, None] * vectors.T
-        found = lsq_linear(root, (vectors.T @ right) / np.sqrt(values), bounds=(0.0, 1.0), method="bvls")
-        theta[free] = np.clip(found.x, 0.0, 1.0)
+        theta[free] = _within_bounds(reduced + ridge * np.eye(len(free)), right)
     theta[others] = cho_solve(factor, system.right[others] - cross @ theta[free])
     return theta
+
+
+def _within_bounds(matrix: Array, right: Array) -> Array:
+    """Return the minimiser of ½ xᵀ M x - rᵀ x over 0 ≤ x ≤ 1 by coordinate descent, which converges for definite M."""
+    x = np.zeros(len(right))
+    for _ in range(_SWEEPS):
+        before = x.copy()
+        for i in range(len(x)):
+            x[i] = np.clip(x[i] + (right[i] - matrix[i] @ x) / matrix[i, i], 0.0, 1.0)
+        if np.abs(x - before).max(initial=0.0) < _SETTLED:
+            break
+    return x

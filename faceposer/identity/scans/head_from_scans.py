@@ -13,13 +13,21 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mesh import TriangleMesh
+from faceposer.geometry.mesh_io import MESH_SUFFIXES
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.scans.baking import Layer, baked_layer, blended, has_colours
 from faceposer.identity.scans.basis import HeadBasis, basis_of
 from faceposer.identity.scans.detail import Detail, find_detail
 from faceposer.identity.scans.fitting import HeadFit, fit_head
-from faceposer.identity.scans.scan import PlacedScan, ScanLandmarks, composed, find_scan_landmarks, placed_scan, upright_texture
+from faceposer.identity.scans.scan import (
+    PlacedScan,
+    ScanLandmarks,
+    composed,
+    find_scan_landmarks,
+    placed_scan,
+    upright_texture,
+)
 from faceposer.identity.scans.surface import ScanSurface
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.reading import read_painted
@@ -106,6 +114,8 @@ def read_scan(path: str, landmarks: ScanLandmarks | None = None) -> Scan:
     Raises:
         FacePoserError: If it cannot be read, has no surface or too many vertices.
     """
+    if Path(path).suffix.lower() not in MESH_SUFFIXES:
+        raise FacePoserError(f"'{path}' is not a mesh; choose a scan of type {', '.join(MESH_SUFFIXES)}.")
     mesh = read_painted(path)
     if len(mesh.vertices) > _MOST_VERTICES:
         raise FacePoserError(
@@ -151,7 +161,7 @@ def head_from_scans(
     progress = progress or Progress()
     progress.at("Preparing the model")
     basis, model = basis or shipped_basis(), model or load_identity_model()
-    scans = [_marked(scan, progress) for scan in scans]
+    scans = [marked_scan(scan, progress) for scan in scans]
     placed = [placed_scan(basis, scan.mesh, known_landmarks(scan), scan.name) for scan in scans]
     fit = fit_head(basis, [scan.data for scan in placed], progress=progress)
     fitted, details = [], []
@@ -172,7 +182,13 @@ def head_from_scans(
     return HeadFromScans(skin, textures, fit, tuple(fitted), report)
 
 
-def _marked(scan: Scan, progress: Progress) -> Scan:
+def marked_scan(scan: Scan, progress: Progress) -> Scan:
+    """Return ``scan`` with its landmarks and its texture the right way up.
+
+    Raises:
+        FacePoserError: If no face is found.
+        CancelledError: If the user has cancelled the work.
+    """
     if scan.landmarks is not None:
         return replace(scan, mesh=upright_texture(scan.mesh, scan.landmarks))
     mesh, landmarks = find_scan_landmarks(scan.mesh, scan.name, progress)

@@ -1,6 +1,7 @@
 """Constraint that projects a point of the face onto a pixel (Lau et al. 2009, section 4.1)."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
@@ -16,8 +17,8 @@ from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson
-from faceposer.solve.reach import reach_of_points
-from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm, Term
+from faceposer.solve.reach import ReachTerm, reach_of_points
+from faceposer.solve.term import Array, Indices, PoseState, Term
 
 # Standard deviation of a target set by hand, in pixels: sigma of eq. (9).
 SIGMA_PX = 1.5
@@ -126,11 +127,11 @@ def _points_at(anchor: SurfacePoint | int) -> SurfacePoints:
     return SurfacePoints.of([anchor])
 
 
-class PointTerm(ResidualTerm):
+class PointTerm(ReachTerm):
     """sum over i of w_i (a_i^2 / sigma^2 + b_i^2 / sigma_i^2), with a_i and b_i y_i(p) - z_i along and across pull i.
 
     With sigma_i = sigma, these are the paper's eqs. (9) and (25). A hand that pulls a few points determines their
-    direction only to some degrees, and meeting it exactly makes unnatural faces. After ``apply_reach``,
+    direction only to some degrees, and meeting it exactly makes unnatural faces. After ``within_reach``,
     sigma_i^2 = sigma^2 + (t l_i min(1, 3 / n))^2 for pulls of length l_i on n points.
     """
 
@@ -144,30 +145,29 @@ class PointTerm(ResidualTerm):
         self._axes = np.zeros((len(constraints), 2, 2))
         self._axes[:, (0, 1), (0, 1)] = 1.0
 
-    def apply_reach(self, model: FaceModel, state: PoseState, limits: Array, trust: float = 0.0) -> None:
-        """Limit the targets to their reach from ``state`` (``faceposer.solve.reach``), and relax them across the pulls.
-
-        Args:
-            model: The face.
-            state: The pose that the pulls start from.
-            limits: Limits of the weights of the model's density at the pose, shape (W, 2).
-            trust: Share from 0 to 1 by which pulls count unchanged. It is larger the more of the face is constrained,
-                and the larger the spread.
-        """
+    def within_reach(self, model: FaceModel, state: PoseState, limits: Array, trust: float = 0.0) -> "PointTerm":
+        """Return the term with its targets limited to their reach (``ReachTerm``), and relaxed across the pulls."""
+        term = copy(self)
         origins = state.pixels[self._points]
-        pulls = self._targets - origins
+        drawn = self._targets - origins
+        pulls, mobility = drawn.copy(), np.ones(len(drawn))
         for camera in dict.fromkeys(self._cameras):
             in_view = np.array([own == camera for own in self._cameras])
             reach = reach_of_points(model, state, self._points[in_view], camera, limits)
             pulls[in_view] = (1.0 - trust) * reach.limited(pulls[in_view]) + trust * pulls[in_view]
-        self._targets = origins + pulls
+            mobility[in_view] = reach.mobility
+        term.lost, term.mobility = float(np.hypot(*(drawn - pulls).T).mean()), float(mobility.mean())
+        term._targets = origins + pulls
         lengths = np.sqrt(np.einsum("nk,nk->n", pulls, pulls))
         far = lengths > 1e-6
         along = pulls[far] / lengths[far, None]
-        self._axes[far, 0] = along
-        self._axes[far, 1] = along[:, ::-1] * _QUARTER_TURN
+        term._axes = self._axes.copy()
+        term._axes[far, 0] = along
+        term._axes[far, 1] = along[:, ::-1] * _QUARTER_TURN
         slack = (1.0 - trust) * _SLACK * min(1.0, _FEW / len(lengths)) * lengths
-        self.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
+        term.weights = self.weights.copy()
+        term.weights[1::2] /= 1.0 + (slack / SIGMA_PX) ** 2
+        return term
 
     def residual(self, state: PoseState) -> Array:
         """Return pixel minus target, along and across the pull, shape (2 n,)."""

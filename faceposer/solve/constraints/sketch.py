@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
@@ -20,7 +20,7 @@ from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS, Feature, F
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.sketch_matching import cleaned, correspondence, distances
-from faceposer.solve.constraints.sketch_term import SketchTerm
+from faceposer.solve.constraints.sketch_term import SketchTargets, SketchTerm
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
 from faceposer.solve.term import Array, Indices, Term
 
@@ -176,12 +176,9 @@ class SketchConstraint(ConstraintBase):
 
     @staticmethod
     def terms(constraints: Sequence["SketchConstraint"], slots: Sequence[Indices], model: FaceModel) -> list[Term]:
-        """Return a term for each of ``constraints``; ``slots`` are the indices of their points in the state."""
-        terms: list[Term] = []
-        for constraint, points in zip(constraints, slots, strict=True):
-            traced = constraint.on_face
-            terms.append(SketchTerm(points, traced.targets, traced.tangents, traced.matched, constraint.weight))
-        return terms
+        """Return a term for all ``constraints``; ``slots`` are the indices of their points in the state."""
+        pairs = zip(constraints, slots, strict=True)
+        return [_term(tuple((sketch.on_face, sketch.weight, sketch.camera, int(at[0])) for sketch, at in pairs))]
 
     def nudged(self, offset: tuple[float, float]) -> "SketchConstraint":
         """Return the constraint with its stroke moved by ``offset`` pixels."""
@@ -244,6 +241,20 @@ class SketchConstraint(ConstraintBase):
         form = convert(data, _SketchJson, where)
         matched = tuple((point.feature_point, point.pixel) for point in form.points)
         return cls(form.stroke, form.camera.camera(), form.feature, matched, **form.switches)
+
+
+@lru_cache(maxsize=4)
+def _term(sketches: tuple[tuple[TracedSketch, float, Camera, int], ...]) -> SketchTerm:
+    """Return the term of sketches, given with their weights, cameras and the indices of their first points.
+
+    It is cached, since sketches stay as they are while other constraints are dragged.
+    """
+    return SketchTerm(
+        [
+            SketchTargets(first + np.arange(len(on.points)), on.targets, on.tangents, on.matched, weight, camera)
+            for on, weight, camera, first in sketches
+        ]
+    )
 
 
 def _traced(sketch: SketchConstraint, model: FaceModel) -> TracedSketch:

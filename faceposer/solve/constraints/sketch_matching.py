@@ -108,12 +108,17 @@ def correspondence(
 
 def distances(points: Array, line: Array) -> Array:
     """Return the distances of ``points``, (m, 2), from the polyline ``line``, (n, 2), shape (m,)."""
-    steps = np.diff(line, axis=0)
-    squared = np.maximum((steps * steps).sum(axis=1), 1e-12)
-    offsets = points[:, None] - line[None, :-1]
-    share = np.clip(np.einsum("mnk,nk->mn", offsets, steps) / squared, 0.0, 1.0)
-    gaps = offsets - share[:, :, None] * steps
-    return np.asarray(np.sqrt(np.einsum("mnk,mnk->mn", gaps, gaps).min(axis=1)))
+    # Matrix products take a third of the time of vectors for every pair. Their rounding errors grow with the distance
+    # from the origin.
+    origin = line[0]
+    points, begins, steps = points - origin, line[:-1] - origin, np.diff(line, axis=0)
+    squared = np.maximum(np.einsum("nk,nk->n", steps, steps), 1e-12)
+    along = points @ steps.T - np.einsum("nk,nk->n", begins, steps)
+    share = np.minimum(np.maximum(along / squared, 0.0), 1.0)
+    gaps = share * (share * squared - 2.0 * along) - 2.0 * (points @ begins.T)
+    gaps += np.einsum("nk,nk->n", begins, begins)
+    nearest = gaps.min(axis=1) + np.einsum("mk,mk->m", points, points)
+    return np.asarray(np.sqrt(np.maximum(nearest, 0.0)))
 
 
 def _nearest(line: Array, along: Array, pixel: Array) -> float:

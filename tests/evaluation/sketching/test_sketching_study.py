@@ -149,6 +149,9 @@ def test_trials_have_their_numbers_of_strokes_in_order() -> None:
         assert len(names) == min(trial.count, len(names))
         assert names == sorted(names, key=order.index)
         assert not any(a in FEATURES[b].components for a in names for b in names)
+    mixed = trials_of(setting(), frames()[20:21], HandErrors(), 0, (8,), any_order=True)
+    drawn_in = [[order.index(true.feature) for true in trial.strokes] for trial in mixed]
+    assert all(len(set(places)) == len(places) > 4 and places != sorted(places) for places in drawn_in)
 
 
 @pytest.mark.parametrize("kind", list(KINDS))

@@ -16,7 +16,7 @@ DRAWINGS = Path(__file__).resolve().parents[3] / "docs" / "drawings"
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("man", (1100, 900), pictures=False)
+    return open_window("man", (1100, 900))
 
 
 def drop(robot: Robot, path: Path) -> None:

@@ -17,9 +17,10 @@ from faceposer.gui.cursors import shape_of
 from faceposer.gui.features.guide.feature import GuideFeature
 from faceposer.gui.features.guide.steps import STEPS, Guide, Observation
 from faceposer.gui.settings import Settings, load_settings, save_settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 SESSION = object()
 REST = Observation(SESSION, {"8.3": -0.23, "8.4": -0.23, "4.3": 0.19}, frozenset(), (0.0, 0.0), False, 0)
@@ -93,7 +94,7 @@ def test_what_another_session_brings_along_does_not_count() -> None:
 
 def opened(folder: Path, done: bool = False, size: tuple[int, int] = (1360, 860)) -> Robot:
     settings = Settings(window_size=size, folder=str(folder), welcome_done=done)
-    return Robot(App("man", hidden=True, threaded=False, settings=settings))
+    return Robot(draw_few_pixels(App("man", hidden=True, threaded=False, settings=settings)))
 
 
 @pytest.fixture
@@ -238,7 +239,7 @@ def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.Monke
     first = load_settings()
     assert not first.welcome_done
     assert Settings().welcome_done
-    app = App("man", hidden=True, threaded=False, settings=first)
+    app = draw_few_pixels(App("man", hidden=True, threaded=False, settings=first))
     try:
         Robot(app)
         assert app.features[GuideFeature].shown

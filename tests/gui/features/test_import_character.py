@@ -139,7 +139,8 @@ def finish(robot: Robot) -> None:
     while importer(robot.app).running:
         assert time.monotonic() < deadline
         robot.frames(1)
-        time.sleep(0.01)
+        # Most of the time is for what learns.
+        time.sleep(0.05)
     robot.frames(6)
 
 

@@ -26,17 +26,13 @@ SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("man", (680, 540))
+    return open_window("man", (680, 540), pictures=True)
 
 
 @pytest.fixture
-def quick(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Robot:
-    """The robot where the picture itself does not matter, which is most of the time of a frame without a GPU."""
-    app = robot.app
-    monkeypatch.setattr(
-        app, "face_image", lambda size: app.scene.draw(app.viewport.view.camera((64, 64)), "clay", False, 0)
-    )
-    return robot
+def quick(open_window: OpenWindow) -> Robot:
+    """The robot where the picture itself does not matter."""
+    return open_window("man", (680, 540))
 
 
 @pytest.fixture

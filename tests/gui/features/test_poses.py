@@ -21,7 +21,7 @@ LEFT_CORNER, RIGHT_CORNER = "8.3", "8.4"
 
 @pytest.fixture
 def robot(open_window: OpenWindow, tmp_path: Path) -> Robot:
-    robot = open_window("man", (1000, 900), pictures=False, poses_folder=str(tmp_path / "poses"))
+    robot = open_window("man", (1000, 900), poses_folder=str(tmp_path / "poses"))
     # The pictures of poses do not matter, either, but to the tests that take this back.
     vars(robot.app.scene)["portrait"] = lambda _, camera, __: np.zeros((*camera.size, 3), dtype=np.uint8)
     robot.click_widget("tab:Poses")

@@ -19,7 +19,7 @@ CORNER, HAIRLINE, BRIDGE = "8.3", "11.1", "9.12"
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("man")
+    return open_window("man", pictures=True)
 
 
 def marks(robot: Robot) -> RangeMarksFeature:

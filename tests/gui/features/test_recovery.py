@@ -16,6 +16,7 @@ from faceposer.errors import FacePoserError
 from faceposer.gui import recent_files as recent
 from faceposer.gui.app import App
 from faceposer.gui.settings import MAX_RECENT, Settings, load_settings
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.window import CloseRequest, Drop
 from faceposer.session.autosave import Journal
@@ -23,7 +24,7 @@ from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
 from tests.windows import OpenWindow
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("small_textures")]
 
 LEFT_CORNER, RIGHT_CORNER, LEFT_BROW = "8.3", "8.4", "4.1"
 
@@ -31,11 +32,12 @@ LEFT_CORNER, RIGHT_CORNER, LEFT_BROW = "8.3", "8.4", "4.1"
 POSING = """
 import json, sys
 from faceposer.gui.app import App
+from faceposer.gui.testing.few_pixels import draw_few_pixels
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.settings import Settings
 
 app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(700, 540)), journal=True)
-robot = Robot(app)
+robot = Robot(draw_few_pixels(app))
 for name, (across, down) in (("8.3", (12, -14)), ("8.4", (-6, -6))):
     x, y = robot.at(name)
     robot.drag((x, y), (x + across, y + down))
@@ -366,7 +368,7 @@ def test_without_a_journal_nothing_is_written_or_offered(start: Start, state: Pa
     smile(robot)
     crash(robot)
     before = journals(state)
-    app = App("man", hidden=True, threaded=False, settings=Settings(window_size=(700, 540)))
+    app = draw_few_pixels(App("man", hidden=True, threaded=False, settings=Settings(window_size=(700, 540))))
     try:
         robot = Robot(app)
         assert asked(robot) == ""

@@ -10,7 +10,7 @@ from PIL import Image
 
 from faceposer.gui.events import Drop
 from faceposer.gui.features.sketch.feature import SketchFeature
-from faceposer.gui.features.sketch.name_places import box_of_name, distance_to_box
+from faceposer.gui.features.sketch.name_places import box_of_name, distance_to_box, leader, outer_end
 from faceposer.gui.overlays.marks.sketch import apart
 from faceposer.gui.testing.scripted_user import Position, Robot
 from faceposer.gui.widgets.widget_rects import overlap
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    robot = open_window("man", (1100, 900), pictures=False)
+    robot = open_window("man", (1100, 900))
     robot.key("E")
     return robot
 
@@ -206,6 +206,29 @@ def test_a_name_with_no_free_place_is_shown() -> None:
     assert 0.0 <= box[1] < box[3] <= 100.0
     assert box_of_name(line + 90.0, (30.0, 10.0), (100.0, 100.0), False, everywhere, 5.0, []) is None
     assert distance_to_box((0.0, 0.0, 10.0, 10.0), (13.0, 14.0)) == pytest.approx(5.0)
+
+
+def test_names_of_lines_that_meet_are_in_their_order_and_connected() -> None:
+    upper = np.stack([np.linspace(100.0, 200.0, 30), 300.0 - 20.0 * np.sin(np.linspace(0.0, np.pi, 30))], axis=1)
+    lines = [
+        upper,
+        (upper - (0.0, 300.0)) * (1.0, -0.2) + (0.0, 300.0),
+        (upper - (0.0, 300.0)) * (1.0, -1.0) + (0.0, 300.0),
+    ]
+    obstacles = np.vstack(lines)
+    boxes: list[tuple[float, float, float, float]] = []
+    for line in lines:
+        box = box_of_name(line, (60.0, 16.0), (600.0, 600.0), False, obstacles, 8.0, boxes)
+        assert box is not None
+        assert box[0] > 200.0
+        boxes.append(box)
+    assert not any(overlap(a, b) for i, a in enumerate(boxes) for b in boxes[:i])
+    assert [box[1] for box in boxes] == sorted(box[1] for box in boxes)
+    assert leader(boxes[0], outer_end(upper, False), 40.0) is None, "close to its line"
+    begin, end = leader((300.0, 100.0, 360.0, 116.0), outer_end(upper, False), 40.0) or ((0.0, 0.0), (0.0, 0.0))
+    assert begin == (300.0, 108.0)
+    assert end == pytest.approx((200.0, 300.0))
+    assert outer_end(upper, True) == pytest.approx((100.0, 300.0))
 
 
 def test_knobs_do_not_cover_each_other() -> None:

@@ -30,7 +30,7 @@ CTRL, SHIFT = frozenset({"ctrl"}), frozenset({"shift"})
 
 @pytest.fixture
 def robot(open_window: OpenWindow) -> Robot:
-    return open_window("man", (1000, 560), pictures=False)
+    return open_window("man", (1000, 560))
 
 
 def timeline(robot: Robot) -> TimelineEditor:
@@ -243,7 +243,7 @@ def test_length_and_rate_are_set_in_the_strip(robot: Robot) -> None:
 
 
 def test_inbetweens_are_chosen_in_the_strip_and_in_the_menu(open_window: OpenWindow) -> None:
-    robot = open_window("man", (1360, 560), pictures=False)
+    robot = open_window("man", (1360, 560))
     app = robot.app
     animate(robot)
     scrub(robot, 7)

@@ -168,7 +168,7 @@ class HeadPanel:
             start = before if head.mixture is None else head.mixture.start
             end = head.other_head()
             assert end is not None
-            result = start.mixed(end, percent / 100.0)
+            result = head.mixed(start, end, percent / 100.0)
             head.mixture = Line(start, end, percent / 100.0, result)
             return result
 
@@ -186,11 +186,14 @@ class HeadPanel:
     # Attributes
 
     def _draw_attributes(self, editor: "HeadEditor") -> None:
-        context = self._head.context
+        head, context = self._head, self._head.context
         heading(context.fonts, "Attributes")
         imgui.set_next_item_width(-1.0)
         _, self._filter = imgui.input_text_with_hint("##head-filter", "Find an attribute", self._filter)
         context.widget_rects.record("head:filter")
+        _, head.keeps_features = imgui.checkbox("Keep features", head.keeps_features)
+        context.widget_rects.record("head:keep")
+        tooltip("A person's age, gender, weight and ethnicity change without the measures of the face")
         wanted = self._filter.strip().lower()
         groups: dict[str, list[Attribute]] = {}
         for attribute in editor.attributes.attributes:
@@ -217,8 +220,9 @@ class HeadPanel:
         changed, new = slider(f"##{name}", value, min(low, value), max(high, value), "%.2f", _CLAMP)
         context.widget_rects.record(f"head:{name}")
         label = f"Set {attribute.title.lower()}"
-        head.edit(name, label, changed, lambda before: editor.with_attributes(before, {name: new}))
+        keep = editor.attributes.names if head.keeps_features else None
+        head.edit(name, label, changed, lambda before: editor.with_attributes(before, {name: new}, keep))
         original = head.original_values[name]
         at_default = abs(value - original) < _SAME
         if reset_button(context.widget_rects, f"head:{name}", at_default, "Back to the value of the original head"):
-            head.set_identity(editor.with_attributes(head.identity, {name: original}), label)
+            head.set_identity(editor.with_attributes(head.identity, {name: original}, keep), label)

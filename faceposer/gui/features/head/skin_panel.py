@@ -8,8 +8,9 @@ from imgui_bundle import ImVec4, imgui
 
 from faceposer.gui.widgets.basic import button_width, caption, fitted_button, heading
 from faceposer.gui.widgets.sliders import row_label, slider
+from faceposer.identity.eye_colour import EYE_COLOURS
 from faceposer.identity.identity import Identity, SkinTexture
-from faceposer.identity.skin_layers import BROW_STYLES, HAIR_STYLES
+from faceposer.identity.skin_layers import BROW_STYLES, HAIR_STYLES, Colour
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def draw_skin(head: "HeadFeature", editor: "HeadEditor") -> None:
         labelled = with_coefficients(lambda c, n=name, v=value: model.with_label(c, n, v[1]).tolist())  # type: ignore[misc]
         _apply(head, f"skin-{name}", f"Set {title.lower()}", value, labelled)
     _draw_styles(head, texture)
+    _draw_eyes(head, texture)
     for field, title, tip in _SHARES:
         row_label(title, tip)
         value = _slider(head, field, getattr(texture.layers, field), (0.0, 1.0))
@@ -77,8 +79,32 @@ def _draw_styles(head: "HeadFeature", texture: SkinTexture) -> None:
         flags = imgui.ColorEditFlags_.no_inputs.value | imgui.ColorEditFlags_.no_alpha.value
         picked, new = imgui.color_edit4(f"##{colour_field}", shown, flags)
         context.widget_rects.record(f"head:{colour_field}")
-        rgb = tuple(min(max(round(float(channel), 3), 0.0), 1.0) for channel in (new[0], new[1], new[2]))
-        _apply(head, colour_field, f"Set colour of {field}", (picked, 0.0), _with_layer(colour_field, rgb))
+        _apply(head, colour_field, f"Set colour of {field}", (picked, 0.0), _with_layer(colour_field, _rgb(new)))
+
+
+def _draw_eyes(head: "HeadFeature", texture: SkinTexture) -> None:
+    context = head.context
+    row_label("Eyes", "Colour of the irises")
+    names = ["own", *EYE_COLOURS]
+    known = {colour: name for name, colour in EYE_COLOURS.items()}
+    chosen = "own" if texture.eyes is None else known.get(texture.eyes, "other")
+    shown = names if chosen in names else [*names, chosen]
+    imgui.set_next_item_width(-2.0 * imgui.get_frame_height())
+    changed, index = imgui.combo("##eyes", shown.index(chosen), [name.capitalize() for name in shown])
+    context.widget_rects.record("head:eyes")
+    if changed and not context.busy and shown[index] != "other":
+        _set(head, "Set colour of eyes", lambda before: replace(before, eyes=EYE_COLOURS.get(shown[index])))
+    imgui.same_line()
+    colour = texture.eyes or EYE_COLOURS["blue"]
+    flags = imgui.ColorEditFlags_.no_inputs.value | imgui.ColorEditFlags_.no_alpha.value
+    picked, new = imgui.color_edit4("##eye-colour", ImVec4(*colour, 1.0), flags)
+    context.widget_rects.record("head:eye-colour")
+    _apply(head, "eye-colour", "Set colour of eyes", (picked, 0.0), lambda before: replace(before, eyes=_rgb(new)))
+
+
+def _rgb(colour: ImVec4) -> Colour:
+    red, green, blue = (min(max(round(float(colour[k]), 3), 0.0), 1.0) for k in range(3))
+    return red, green, blue
 
 
 def _slider(head: "HeadFeature", name: str, value: float, limits: tuple[float, float]) -> tuple[bool, float]:

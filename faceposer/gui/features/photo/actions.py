@@ -49,6 +49,15 @@ def photo_actions(photos: "PhotoFeature") -> tuple[Action, ...]:
             help="Pose the face with points and distances made from the pins",
         ),
         Action(
+            "photo-expression",
+            "Take the expression",
+            "Tools",
+            photos.take_expression,
+            (),
+            lambda: has_photo() and not photos.expression.running,
+            help="Find the face in the photo and pose the character after it, without pins",
+        ),
+        Action(
             "photo-look",
             "Look through the photo",
             "View",

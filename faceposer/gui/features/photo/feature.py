@@ -17,6 +17,7 @@ from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.photo.actions import photo_actions
+from faceposer.gui.features.photo.expression import TakeExpression
 from faceposer.gui.features.photo.overlay import draw_photo_overlay
 from faceposer.gui.features.photo.panel import draw_photo_tab
 from faceposer.gui.settings import last_folder
@@ -69,6 +70,7 @@ class PhotoFeature(Feature):
         self._last_pins: tuple[str, tuple[Place, ...], int] = ("", (), -1)
         # True if the photo has to be framed as soon as the view has a size.
         self._framing_pending = False
+        self.expression = TakeExpression(context, self.look_through)
 
     # State
 
@@ -78,7 +80,7 @@ class PhotoFeature(Feature):
         return self.context.session.document.photos
 
     @property
-    def options_in_tab(self) -> bool:
+    def traced(self) -> bool:
         """True with a photo: the tools then draw over it."""
         return bool(self.photos)
 
@@ -136,6 +138,7 @@ class PhotoFeature(Feature):
     def update(self) -> None:
         """Keep the view at the photo's camera, such as after undo, and update the photo layer of the scene."""
         viewport, scene = self.context.viewport, self.context.scene
+        self.expression.update()
         if self.tool.active is not None and self.active is None:
             self.tool.active = len(self.photos) - 1 if self.photos else None
             if not self.photos and isinstance(viewport.view, PictureView):
@@ -223,6 +226,10 @@ class PhotoFeature(Feature):
             texture = self._textures.pop(path)
             if texture is not None:
                 texture.release()
+
+    def join(self) -> None:
+        """Wait for the face that is being found."""
+        self.expression.join()
 
     def close(self) -> None:
         """Release the textures."""
@@ -361,6 +368,13 @@ class PhotoFeature(Feature):
             session.replace(replace(document, photos=(*document.photos[:index], *document.photos[index + 1 :])))
         if self.photos:
             self.choose(min(self.active or 0, len(self.photos) - 1))
+
+    def take_expression(self) -> None:
+        """Pose the face after the active photo without pins; constraints are removed."""
+        if self.photo is not None:
+            self.context.toolbox.finish()
+            self.context.toolbox.choose("point")
+            self.expression.start(self.photo)
 
     def pose_from_pins(self) -> None:
         """Pose the face from the pins as one step of the history; constraints made from them before are replaced."""

@@ -49,6 +49,7 @@ def draw_photo_tab(photos: "PhotoFeature") -> None:
         imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
         wrapped_text(f"{Icon.WARNING} The file cannot be read: {photo.path}")
         imgui.pop_style_color()
+    action_button(context.widget_rects, context.actions["photo-expression"], -1.0, strong=not photo.pins)
     _draw_layers(photos, photo)
     _draw_camera(photos, photo)
     _draw_pins(photos, photo)

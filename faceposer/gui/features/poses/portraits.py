@@ -12,6 +12,7 @@ from faceposer.files.images import open_image
 from faceposer.files.reading import open_file
 from faceposer.geometry.camera import Camera
 from faceposer.gui.context import EditorContext
+from faceposer.gui.widgets.pictures import image_texture
 from faceposer.poses.portrait import portrait_view
 
 # Supersampling factor each way; without a GPU this takes half as long as multisampling.
@@ -87,7 +88,7 @@ class Portraits:
             return
         key = next(iter(self._pending))
         image = self._pending.pop(key)()
-        self._textures[key] = None if image is None else _texture(self._context.gl, image)
+        self._textures[key] = None if image is None else image_texture(self._context.gl, image)
         while len(self._textures) > _MOST_TEXTURES:
             self._discarded.append(self._textures.pop(next(iter(self._textures))))
         self._context.redraw(2)
@@ -116,14 +117,6 @@ def _halved(fine: NDArray[np.uint8]) -> NDArray[np.uint8]:
     size = len(fine) // _SUPERSAMPLING
     blocks = fine.reshape(size, _SUPERSAMPLING, size, _SUPERSAMPLING, 3).astype(np.float32)
     return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
-
-
-def _texture(ctx: moderngl.Context, image: NDArray[np.uint8]) -> moderngl.Texture:
-    height, width = image.shape[:2]
-    texture = ctx.texture((width, height), 3, np.ascontiguousarray(image).tobytes(), alignment=1)
-    texture.build_mipmaps()
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    return texture
 
 
 def _read(path: Path) -> NDArray[np.uint8] | None:

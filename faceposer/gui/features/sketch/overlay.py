@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.features.sketch.name_places import box_of_name, distance_to_box
+from faceposer.gui.features.sketch.name_places import box_of_name, distance_to_box, leader, outer_end
 from faceposer.gui.overlays.marks.sketch import SketchMark
 from faceposer.gui.overlays.painter import Painter
 from faceposer.gui.widgets.theme import EDGE, FAINT, INK, RAISED_MORE, TARGET, WARNING, Colour, Icon, u32
@@ -27,6 +27,8 @@ NO_FEATURE = "no feature"
 _PREVIEW = UNNAMED - 1
 # At normal density: margins of a name, and its distance from the stroke.
 _PAD_X, _PAD_Y, _GAP = 5.0, 2.0, 9.0
+# Distance at normal density from which a line connects a name with its stroke.
+_LEADER = 16.0
 # Of the points along features, one in so many is an obstacle; strokes have one in so many pixels.
 _EVERY, _STEP = 4, 5.0
 # Height at normal density above and below a feature that its name keeps off.
@@ -52,9 +54,10 @@ class SketchOverlay:
             self._draw_unfinished(painter, tool)
         named = self._named(tool, chosen)
         boxes = self._boxes(named, chosen)
-        for (index, name, _, colour, strength), box in zip(named, boxes, strict=True):
-            if box is None:
-                continue
+        shown = [(*item, box) for item, box in zip(named, boxes, strict=True) if box is not None]
+        for index, _, line, colour, strength, box in shown:
+            self._draw_leader(draw, box, line, colour, strength * self._fading(tool, box, index))
+        for index, name, _, colour, strength, box in shown:
             self._draw_name(draw, box, name, colour, strength * self._fading(tool, box, index), chosen)
             labels[index] = box
             if chosen:
@@ -141,9 +144,12 @@ class SketchOverlay:
         size = imgui.calc_text_size(name)
         width = size.x + 2.0 * _PAD_X * scale + (self._list_width if listed else 0.0)
         height = size.y + 2.0 * _PAD_Y * scale
-        # Outwards from the face, where it hides least.
-        leftwards = float(line[:, 0].mean()) < self._middle - 0.02 * viewport.size[0]
-        return box_of_name(line, (width, height), viewport.size, leftwards, obstacles, _GAP * scale, taken)
+        gap = _GAP * scale
+        return box_of_name(line, (width, height), viewport.size, self._leftwards(line), obstacles, gap, taken)
+
+    def _leftwards(self, line: Array) -> bool:
+        """Return True if the name of ``line`` is at its left: outwards from the face, where it hides least."""
+        return float(line[:, 0].mean()) < self._middle - 0.02 * self._context.viewport.size[0]
 
     def _room(self, name: str) -> list[Array]:
         """Return points above and below the feature ``name``, where its other pieces may be drawn."""
@@ -185,6 +191,16 @@ class SketchOverlay:
         vertices = self._context.scene.vertices
         ids = list(self._context.session.model.character.feature_points.values())
         return float(self._context.viewport.camera.project(vertices[ids])[:, 0].mean()) if ids else 0.0
+
+    def _draw_leader(self, draw: imgui.ImDrawList, box: Box, line: Array, colour: Colour, strength: float) -> None:
+        """Draw a thin line from a name to its stroke, unless they are close."""
+        viewport = self._context.viewport
+        scale, (x, y) = viewport.ui_scale, viewport.origin
+        found = leader(box, outer_end(line, self._leftwards(line)), _LEADER * scale)
+        if found is not None:
+            (u, v), (to_u, to_v) = found
+            draw.add_line((u + x, v + y), (to_u + x, to_v + y), u32(EDGE, 0.6 * strength), 3.0 * scale)
+            draw.add_line((u + x, v + y), (to_u + x, to_v + y), u32(colour, 0.6 * strength), 1.0 * scale)
 
     def _draw_name(
         self, draw: imgui.ImDrawList, box: Box, name: str, colour: Colour, strength: float, listed: bool

@@ -1,0 +1,1 @@
+"""Rivals and measures of cloning by examples (docs/cloning.md)."""

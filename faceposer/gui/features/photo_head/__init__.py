@@ -1,0 +1,1 @@
+"""Heads from photos in the window (docs/photo-heads.md)."""

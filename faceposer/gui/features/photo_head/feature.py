@@ -1,0 +1,88 @@
+"""Heads from photos: the texts of the dialog, its work, and the session with the photo and its expression."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from faceposer.gui.context import EditorContext
+from faceposer.gui.features.head_making.feature import HeadMakingFeature, Words
+from faceposer.gui.widgets.sliders import row_label, slider
+from faceposer.photo.reading import PHOTO_SUFFIXES
+from faceposer.progress import Progress
+from faceposer.session.document import Document
+from faceposer.session.opening import load_model
+from faceposer.session.session import Session
+from faceposer.session.solver_worker import Worker
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.photo_head.work import MarkedPhoto, PhotoHead
+
+# Decimal logarithm of the greatest weight of the density of heads, and of its inverse.
+_MOST = 0.7
+
+
+class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
+    """State of the dialog that makes a character of photos of a person.
+
+    Attributes:
+        likelihood: Decimal logarithm of the weight of the density of heads: negative for more likeness.
+    """
+
+    words = Words(
+        (
+            "photo-head",
+            "Head from photos...",
+            "Make a character of photos of a person",
+        ),
+        "photo",
+        "Add photo",
+        "Photos of one person, with the face large and seen from the front or up to 60 degrees from the side. Several "
+        "photos determine the head better.",
+        "Drag points that are not in their place.",
+        (),
+    )
+    suffixes = PHOTO_SUFFIXES
+
+    def __init__(self, context: EditorContext) -> None:
+        super().__init__(context)
+        self.likelihood = 0.0
+
+    def work_of_finding(self, files: Sequence[str]) -> Callable[[Progress], "list[MarkedPhoto]"]:
+        """Return the function that reads the photos and finds their faces."""
+        from faceposer.gui.features.photo_head import work
+
+        return partial(work.find_faces, files)
+
+    def work_of_fitting(self, marked: "Sequence[MarkedPhoto]") -> Callable[[Progress], "PhotoHead"]:
+        """Return the function that makes the character."""
+        from faceposer.gui.features.photo_head import work
+
+        return partial(work.fit_head, marked, 10.0**self.likelihood, self.title.strip())
+
+    def draw_options(self) -> None:
+        """Draw the balance between likeness and likelihood."""
+        row_label("Likeness", "Left: as much like the photo as possible; right: a head that is more likely")
+        imgui.set_next_item_width(-1.0)
+        text = f"{10.0**self.likelihood:.2f}"
+        _, value = slider("##likelihood", self.likelihood, -_MOST, _MOST, text)
+        self.likelihood = value if math.isfinite(value) else 0.0
+        self.context.widget_rects.record("photo-head:likelihood")
+
+    def opened(self, result: "PhotoHead", path: Path) -> None:
+        """Show the character in the file ``path`` with the photo behind it and the photo's expression."""
+
+        def opening(worker: Worker) -> Session:
+            model = load_model(str(path))
+            photo = result.photo
+            document = Document(str(path), photos=(photo,), camera=photo.camera)
+            return Session(model, document.with_start(result.pose).posed(result.pose), worker)
+
+        def show() -> None:
+            if self.context.show_session(opening, "The head cannot be shown"):
+                self.context.session.mark_unsaved()
+
+        self.context.guard_changes(show)

@@ -1,0 +1,1 @@
+"""Heads from scans in the window (docs/identity.md)."""

@@ -1,0 +1,270 @@
+"""Folders of key poses for cloning by examples (docs/transfer.md).
+
+``keys.json`` names the two characters. The folders ``source`` and ``target`` have the poses, as pose files (.json) or
+meshes (.obj, .ply); files of the same name are a pair.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
+
+from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
+from faceposer.files.writing import write_json
+from faceposer.interchange.reading import MESHES
+from faceposer.poses.library import safe_stem
+from faceposer.poses.pose_file import Pose, checked_name, read_pose, write_pose
+from faceposer.session.document import absolute_character, portable_character
+from faceposer.transfer.examples import MOST_KEYS
+from faceposer.transfer.key_parameters import THRESHOLD, Regions
+
+FORMAT, VERSION = "faceposer.keys", 1
+#: Name of the file that describes a folder of keys.
+DESCRIPTION = "keys.json"
+Side = Literal["source", "target"]
+SIDES: tuple[Side, Side] = ("source", "target")
+#: Suffixes of key poses.
+SUFFIXES = (".json", *MESHES)
+#: Tags of poses: emotional and verbal keys, which are composed to others, and those.
+EXPRESSION, VISEME, COMPOSED = "expression", "viseme", "composed"
+
+_Name = Annotated[str, Meta(min_length=1, max_length=4096)]
+
+
+class _KeysFile(JsonDocument):
+    source: _Name
+    target: _Name
+    regions: Regions = "whole"
+    points: Annotated[tuple[_Name, ...], Meta(min_length=1, max_length=200)] | None = None
+    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] = THRESHOLD
+    expressions: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
+    visemes: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
+
+
+@dataclass(frozen=True)
+class KeyFiles:
+    """The files of a key.
+
+    Attributes:
+        name: Name of the files without suffix.
+        source: Pose or mesh of the source, if there is one.
+        target: Pose or mesh of the target, if there is one.
+    """
+
+    name: str
+    source: Path | None
+    target: Path | None
+
+
+@dataclass(frozen=True)
+class KeyFolder:
+    """A folder of key poses.
+
+    Attributes:
+        folder: The folder.
+        source: Name or file of the character that plays.
+        target: Name or file of the character that follows; the neutral mesh (.obj, .ply) of one without shapes.
+        regions: Regions that are cloned separately.
+        points: Feature points of the source that give the parameters; None for all.
+        expressions: Names of the emotional keys, beside the poses with the tag "expression".
+        visemes: Names of the verbal keys, beside the poses with the tag "viseme".
+        threshold: Share of the largest variance of the keys below which directions are dropped.
+    """
+
+    folder: Path
+    source: str
+    target: str
+    regions: Regions = "whole"
+    points: tuple[str, ...] | None = None
+    expressions: tuple[str, ...] = ()
+    visemes: tuple[str, ...] = ()
+    threshold: float = THRESHOLD
+
+    @classmethod
+    def read(cls, folder: Path) -> "KeyFolder":
+        """Return the folder of keys in ``folder``.
+
+        Raises:
+            FacePoserError: If it has no valid description.
+        """
+        path = folder / DESCRIPTION
+        if not paths.is_file(path):
+            raise FacePoserError(
+                f"'{folder}' is not a folder of keys: it has no '{DESCRIPTION}'; create one with keys init."
+            )
+        return read_json(path, "keys", lambda data: cls.from_json(folder, data))
+
+    @classmethod
+    def from_json(cls, folder: Path, data: Any) -> "KeyFolder":
+        """Return the folder of keys described by ``data``.
+
+        Raises:
+            FacePoserError: If a key is unknown, missing or of the wrong type; the message names it.
+        """
+        check_header(data, FORMAT, VERSION)
+        form = convert(data, _KeysFile)
+        return cls(
+            folder,
+            form.source,
+            form.target,
+            form.regions,
+            form.points,
+            form.expressions,
+            form.visemes,
+            form.threshold,
+        )
+
+    def write(self) -> None:
+        """Write the description of the folder, which is created if necessary.
+
+        Raises:
+            FacePoserError: If it cannot be written.
+        """
+        data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "source": self.source, "target": self.target}
+        if self.regions != "whole":
+            data["regions"] = self.regions
+        if self.threshold != THRESHOLD:
+            data["threshold"] = self.threshold
+        for name in ("points", "expressions", "visemes"):
+            if getattr(self, name):
+                data[name] = list(getattr(self, name))
+        try:
+            for side in SIDES:
+                (self.folder / side).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FacePoserError(f"The folder '{self.folder}' cannot be created: {error.strerror}.") from error
+        write_json(self.folder / DESCRIPTION, data, "description of the keys", ascii_only=False)
+
+    def character(self, side: Side) -> str:
+        """Return the name or path of a character, with paths relative to the folder made absolute."""
+        name = self.source if side == "source" else self.target
+        if Path(name).suffix.lower() in MESHES:
+            return os.path.normpath((self.folder / name).absolute())
+        return absolute_character(name, self.folder.absolute())
+
+    @property
+    def is_mesh(self) -> bool:
+        """True if the target is a mesh without shapes."""
+        return Path(self.target).suffix.lower() in MESHES
+
+    def entries(self) -> list[KeyFiles]:
+        """Return the keys of the folder by name, complete or not.
+
+        Raises:
+            FacePoserError: If a folder cannot be listed, has two files of one name, or too many.
+        """
+        found = {side: self._files(side) for side in SIDES}
+        names = sorted({*found["source"], *found["target"]})
+        if len(names) > MOST_KEYS:
+            raise FacePoserError(
+                f"'{self.folder}' has {len(names)} keys, more than the maximum of {MOST_KEYS}; move some elsewhere."
+            )
+        return [KeyFiles(name, found["source"].get(name), found["target"].get(name)) for name in names]
+
+    def pairs(self) -> list[KeyFiles]:
+        """Return the keys of the folder, all of them with both files.
+
+        Raises:
+            FacePoserError: If one lacks a file.
+        """
+        entries = self.entries()
+        for entry in entries:
+            for side in SIDES:
+                if getattr(entry, side) is None:
+                    raise FacePoserError(
+                        f"The key '{entry.name}' has no {side} in '{self.folder / side}'; add a pose or a mesh with "
+                        f"this name there, such as '{entry.name}.json', or remove the key."
+                    )
+        return entries
+
+    def _files(self, side: Side) -> dict[str, Path]:
+        folder = self.folder / side
+        try:
+            files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.name[0] != ".")
+        except OSError as error:
+            raise FacePoserError(f"The folder '{folder}' of the keys cannot be listed: {error.strerror}.") from error
+        found: dict[str, Path] = {}
+        for path in files:
+            if path.stem in found:
+                raise FacePoserError(
+                    f"The key '{path.stem}' has two files, '{found[path.stem]}' and '{path.name}'; remove one of them."
+                )
+            found[path.stem] = path
+        return found
+
+    def kinds(self) -> Mapping[str, str]:
+        """Return the kind of each key that has one: "expression", "viseme" or "composed".
+
+        Raises:
+            FacePoserError: If a pose cannot be read.
+        """
+        kinds: dict[str, str] = {}
+        for entry in self.entries():
+            tags: set[str] = set()
+            for path in (entry.source, entry.target):
+                if path is not None and path.suffix.lower() == ".json":
+                    tags.update(read_pose(path).tags)
+            if entry.name in self.expressions:
+                tags.add(EXPRESSION)
+            if entry.name in self.visemes:
+                tags.add(VISEME)
+            kind = next((kind for kind in (COMPOSED, VISEME, EXPRESSION) if kind in tags), None)
+            if kind is not None:
+                kinds[entry.name] = kind
+        return kinds
+
+    def add(self, source: Pose, target: Pose | None, replace: bool = False, durable: bool = True) -> str:
+        """Write a pair of poses, named as ``source``, and return the name of its files.
+
+        Args:
+            source: Pose of the source.
+            target: Pose of the target; None to leave it to the artist.
+            replace: Replace a key of this name.
+            durable: See ``atomic_file``.
+
+        Raises:
+            FacePoserError: If the name is taken and ``replace`` is False, or a file cannot be written.
+        """
+        name = safe_stem(checked_name(source.name))
+        if name in {entry.name for entry in self.entries()}:
+            if not replace:
+                raise FacePoserError(f"'{self.folder}' already has a key '{name}'; choose another name, or replace it.")
+            self.remove(name)
+        write_pose(self.folder / "source" / f"{name}.json", source, durable)
+        if target is not None:
+            write_pose(self.folder / "target" / f"{name}.json", target, durable)
+        return name
+
+    def remove(self, name: str) -> None:
+        """Delete the files of the key with this name.
+
+        Raises:
+            FacePoserError: If there is none, or a file cannot be deleted.
+        """
+        entry = next((entry for entry in self.entries() if entry.name == name), None)
+        if entry is None:
+            names = ", ".join(entry.name for entry in self.entries()[:24])
+            raise FacePoserError(f"'{self.folder}' has no key '{name}'; its keys are {names or 'none'}.")
+        for path in (entry.source, entry.target):
+            try:
+                if path is not None:
+                    path.unlink()
+            except OSError as error:
+                raise FacePoserError(f"The key '{path}' cannot be deleted: {error.strerror}.") from error
+
+
+def portable_target(target: str, folder: Path) -> str:
+    """Return the reference to a character or a mesh in the description of the keys in ``folder``."""
+    if Path(target).suffix.lower() not in MESHES:
+        return portable_character(target, folder)
+    whole = Path(os.path.normpath(Path(target).absolute()))
+    try:
+        relative = Path(os.path.relpath(whole, folder.absolute()))
+    except ValueError:  # on another drive
+        return str(whole)
+    return str(whole) if relative.parts[:2] == ("..", "..") else relative.as_posix()

@@ -1,0 +1,166 @@
+"""Coverage of the expressions of a source by keys: how far frames are from all keys, and which frames would help.
+
+The limit that Pyun et al. state, "when it falls too far outside from the basis of the constructed source key-models",
+and the selection of keys from the frames of the source, which they propose.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.model.face_model import FaceModel
+from faceposer.transfer.examples import ExampleTransfer, KeyPair
+from faceposer.transfer.key_parameters import Regions, parameter_points, point_rows
+
+Array = NDArray[np.float64]
+
+# Frames that are chosen before the directions of the keys are found anew.
+_ROUND = 16
+# Residuals below this share of the motion are rounding errors.
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Coverage of m frames by keys.
+
+    Attributes:
+        distances: Root mean square distance, over the feature points, between each frame and the nearest combination of
+            keys, in the unit of the source, shape (m,).
+        motions: The same distance between each frame and the base, shape (m,).
+        strengths: Largest weight of a key in each frame, shape (m,); above 1, keys are exaggerated.
+    """
+
+    distances: Array
+    motions: Array
+    strengths: Array
+
+    @property
+    def missed(self) -> float:
+        """Share of the motion of all frames that no combination of keys has, in squares, 0 to 1."""
+        total = float((self.motions**2).sum())
+        return float((self.distances**2).sum()) / total if total > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class HelpfulFrame:
+    """A frame that would help as a key.
+
+    Attributes:
+        frame: Its index.
+        missed: Share of the motion that is missed with it and all better ones as keys, in squares.
+    """
+
+    frame: int
+    missed: float
+
+
+def coverage(transfer: ExampleTransfer, poses: Array) -> Coverage:
+    """Return the coverage of the source's ``poses``, (m, r), by the keys of ``transfer``."""
+    moved = transfer.displacements(poses)
+    missed = _residuals(transfer, moved)
+    count = sum(block.shape[1] for block in moved) / 3.0
+    strengths = np.max([np.abs(weights[:, 1:]).max(axis=1) for weights in transfer.weights(poses)], axis=0)
+    return Coverage(_lengths(missed, count), _lengths(moved, count), strengths)
+
+
+def helpful_frames(
+    transfer: ExampleTransfer, poses: Array, count: int, left_out: Sequence[int] = ()
+) -> list[HelpfulFrame]:
+    """Return up to ``count`` of the source's ``poses``, (m, r), that help most as keys, the best first.
+
+    Each one is the frame with which, together with all keys and the frames before it, most of the motion of all frames
+    is a combination of keys, in the least squares of the feature points. The search ends when nothing is missed.
+
+    Args:
+        transfer: Transfer with the present keys.
+        poses: The source's frames.
+        count: Number of frames to find.
+        left_out: Frames that are keys already.
+    """
+    moved = transfer.displacements(poses)
+    missed = _residuals(transfer, moved)
+    total = sum(float((block**2).sum()) for block in moved)
+    found: list[HelpfulFrame] = []
+    for _ in range(count):
+        left = sum(float((block**2).sum()) for block in missed)
+        if left <= _NOTHING * total:
+            break
+        gains = np.zeros(len(poses))
+        for block in missed:
+            squares = np.einsum("mn,mn->m", block, block)
+            along = np.einsum("mn,mn->m", block @ (block.T @ block), block)
+            gains += np.where(squares > _NOTHING * max(squares.max(), 1e-300), along / np.maximum(squares, 1e-300), 0.0)
+        gains[list(left_out)] = -1.0
+        best = int(np.argmax(gains))
+        if gains[best] <= 0.0:
+            break
+        missed = [_without(block, block[best]) for block in missed]
+        found.append(HelpfulFrame(best, sum(float((block**2).sum()) for block in missed) / total))
+    return found
+
+
+def chosen_frames(
+    source: FaceModel,
+    keys: Array,
+    poses: Array,
+    count: int,
+    points: Sequence[str] | None = None,
+    regions: Regions = "whole",
+) -> list[HelpfulFrame]:
+    """Return up to ``count`` of the source's ``poses``, (m, r), as further keys, the best first.
+
+    The choice is made in rounds, since keys determine the directions in which they count. Without a key, it begins with
+    the frame that is farthest from the neutral face.
+
+    Args:
+        source: The face that plays.
+        keys: Coefficients of its present keys, shape (K, r); may be empty.
+        poses: Its frames.
+        count: Number of frames to find.
+        points: Feature points that give the parameters; None for all that move.
+        regions: Regions that are cloned separately.
+    """
+    chosen: list[HelpfulFrame] = []
+    present = list(keys)
+    if not present:
+        names = parameter_points(source.character, points)
+        first = int(np.argmax(((poses @ point_rows(source, names).T) ** 2).sum(axis=1)))
+        present.append(poses[first])
+        chosen.append(HelpfulFrame(first, 1.0))
+    while len(chosen) < count:
+        pairs = [KeyPair(str(i), key, key) for i, key in enumerate(present)]
+        transfer = ExampleTransfer(source, source, pairs, points, regions)
+        if len(chosen) == 1 and not len(keys):
+            chosen = [HelpfulFrame(chosen[0].frame, coverage(transfer, poses).missed)]
+        taken = [helpful.frame for helpful in chosen]
+        found = helpful_frames(transfer, poses, min(_ROUND, count - len(chosen)), taken)
+        if not found:
+            break
+        chosen += found
+        present += [poses[helpful.frame] for helpful in found]
+    return chosen
+
+
+def _residuals(transfer: ExampleTransfer, moved: tuple[Array, ...]) -> list[Array]:
+    """Return what no combination of keys has of the displacements ``moved`` of each region."""
+    residuals = []
+    for region, block in zip(transfer.regions, moved, strict=True):
+        residuals.append(block - (block @ region.matrix.T) @ region.matrix)
+    return residuals
+
+
+def _without(block: Array, direction: Array) -> Array:
+    length = np.linalg.norm(direction)
+    if length == 0.0:
+        return block
+    unit = direction / length
+    return block - np.outer(block @ unit, unit)
+
+
+def _lengths(blocks: list[Array] | tuple[Array, ...], count: float) -> Array:
+    squares = sum((np.einsum("mn,mn->m", block, block) for block in blocks), start=np.zeros(len(blocks[0])))
+    lengths: Array = np.sqrt(squares / count)
+    return lengths

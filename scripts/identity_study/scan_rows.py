@@ -1,0 +1,82 @@
+"""Rows of heads from scans: of sampled identities, whose truth is known, and of a real one."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from faceposer.identity.model_file import load_identity_model
+from faceposer.identity.scans.fitting import STAGES, fit_head
+from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, marked_scan, read_scan, shipped_basis
+from faceposer.identity.scans.learning import learning_rounds
+from faceposer.identity.scans.scan import composed, placed_scan
+from faceposer.landmarks.drawing import PaintedMesh
+from faceposer.progress import Progress
+from scripts.identity_study.rows import row
+from scripts.identity_study.sampling import SampledScans, vertex_errors
+
+#: First seed of scans; identities the model was learned from have others.
+_SEED, _COUNT = 50_000, 10_000
+#: Trust from which a vertex belongs to the face.
+_FACE = 0.9
+#: Vertices of the scans from which a model is learned.
+_COUNT_LEARNING = 6000
+
+
+def scan_rows(sampled: SampledScans, n: int, damaged: bool = False) -> Iterator[dict[str, Any]]:
+    """Yield the rows of fits to scans of ``n`` unseen identities: vertex errors of the face."""
+    basis = shipped_basis()
+    face = sampled.known & (basis.trust >= _FACE)
+    mean, whole, segmented, detailed = [], [], [], []
+    seconds = np.zeros(3)
+    for seed in range(_SEED, _SEED + n):
+        made = sampled.scan(seed, _COUNT, damaged)
+        began = time.perf_counter()
+        scan = marked_scan(Scan(f"identity {seed}", PaintedMesh(made.mesh.vertices, made.mesh.triangles)), Progress())
+        placed = placed_scan(basis, scan.mesh, scan.landmarks, scan.name)
+        marked = time.perf_counter()
+        fit = fit_head(basis, [placed.data], STAGES[:-1])
+        seconds[:2] += marked - began, time.perf_counter() - began
+        frame = composed(fit.scans[0].frame, placed.frame).inverse()
+        whole.append(vertex_errors(made.in_centimetres(frame.apply(fit.posed(0))), made.truth, face))
+        mean.append(vertex_errors(basis.mean, made.truth, face))
+        began = time.perf_counter()
+        result = head_from_scans([scan], texture=False)
+        seconds[2] += marked - began + time.perf_counter() - began
+        frame = result.scans[0].frame.inverse()
+        segmented.append(vertex_errors(made.in_centimetres(frame.apply(result.fit.posed(0))), made.truth, face))
+        detailed.append(vertex_errors(made.in_centimetres(frame.apply(result.scans[0].posed)), made.truth, face))
+    name, modes = "scan with holes" if damaged else "scan", len(basis.modes)
+    yield row(name, "mean", 0, mean, 0.0)
+    yield row(name, "model", modes, whole, seconds[1] / n)
+    yield row(name, "model, segments", modes, segmented, seconds[2] / n)
+    yield row(name, "model, segments, detail", modes, detailed, seconds[2] / n)
+
+
+def real_scan_rows(folder: Path) -> Iterator[dict[str, Any]]:
+    """Yield the rows of the fit to the scan of Lee Perry-Smith (Infinite-Realities, CC BY 3.0): surface distances."""
+    modes = len(shipped_basis().modes)
+    for method, detail in (("model, segments", False), ("model, segments, detail", True)):
+        began = time.perf_counter()
+        result = head_from_scans([read_scan(str(folder / "perry_smith.obj"))], detail)
+        fitted = result.scans[0]
+        chosen = fitted.used & (shipped_basis().trust >= _FACE)
+        yield row("real-scan", method, modes, [10.0 * fitted.distances[chosen]], time.perf_counter() - began)
+
+
+def correspondence_rows(sampled: SampledScans, n: int, rounds: int) -> Iterator[dict[str, Any]]:
+    """Yield the correspondence errors of ``n`` damaged scans after each round of bootstrapping from the mean alone."""
+    basis = shipped_basis()
+    face = sampled.known & (basis.trust >= _FACE)
+    made = [sampled.scan(seed, _COUNT_LEARNING, damaged=True) for seed in range(_SEED + 1000, _SEED + 1000 + n)]
+    meshes = [PaintedMesh(each.mesh.vertices, each.mesh.triangles) for each in made]
+    scans = [marked_scan(Scan(f"identity {k}", mesh), Progress()) for k, mesh in enumerate(meshes)]
+    for method, from_mean, count in (("from the mean", True, rounds), ("from the model", False, 1)):
+        began = time.perf_counter()
+        for number, learned in enumerate(learning_rounds(scans, load_identity_model(), count, from_mean=from_mean)):
+            pairs = zip(learned.heads, made, strict=True)
+            errors = [vertex_errors(head, each.truth, face) for head, each in pairs]
+            seconds = (time.perf_counter() - began) / n
+            yield row("correspondence", method, learned.model.n_coefficients, errors, seconds, rounds=number + 1)

@@ -1,0 +1,144 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError
+from faceposer.identity.anatomy.eyeballs import ball_of
+from faceposer.identity.anatomy.local_maps import LocalMaps
+from faceposer.identity.character import character_of
+from faceposer.identity.head import HeadMaker
+from faceposer.identity.model_file import load_identity_model
+from faceposer.model.character import Character
+from faceposer.model.character_file import load_character
+from faceposer.model.contact.measure import penetration_mm
+from faceposer.model.contact.step import ContactStep
+from scripts.study_heads import blink_gap_mm
+
+N_SKIN = 17259
+
+
+def visible(character: Character) -> NDArray[np.int32]:
+    """Return the vertices of the skin that are not inside the eyeballs or the mouth."""
+    ids = np.unique(np.concatenate([ids for ids in character.regions.values() if ids.max() < N_SKIN]))
+    for name in ("eye_left", "eye_right"):
+        centre, radius = ball_of(character.vertices[slice(*character.part(name).vertices)].astype(float))
+        ids = ids[np.linalg.norm(character.vertices[ids] - centre, axis=1) > radius]
+    return ids
+
+
+@pytest.fixture(scope="module")
+def man() -> Character:
+    return load_character("man")
+
+
+@pytest.fixture(scope="module")
+def random_head() -> Character:
+    heads = load_identity_model()
+    return character_of(heads.instance(heads.sample(7)[0]), name="seven", title="Seven", credits="Drawn.")
+
+
+def test_the_man_is_made_of_his_own_skin(man: Character) -> None:
+    again = character_of(man.vertices[:N_SKIN], name="man", title="Man")
+    np.testing.assert_allclose(again.vertices, man.vertices, atol=1e-4)
+    shown = np.concatenate([visible(man), np.arange(N_SKIN, len(man.vertices))])
+    np.testing.assert_allclose(again.shapes[:, shown], man.shapes[:, shown], atol=5e-3)
+    assert again.textures == man.textures
+    assert again.feature_points == man.feature_points
+    assert again.statistics is None
+
+
+def test_a_larger_man_has_larger_expressions(man: Character) -> None:
+    larger = character_of(1.3 * man.vertices[:N_SKIN].astype(float), name="giant", title="Giant")
+    shown = visible(man)
+    for name in ("mouthSmileLeft", "browInnerUpRight", "jawOpen", "mouthClose", "cheekPuffLeft"):
+        row = man.shape_names.index(name)
+        np.testing.assert_allclose(larger.shapes[row, shown], 1.3 * man.shapes[row, shown], atol=0.02, err_msg=name)
+    ids = slice(*man.part("tongue").vertices)
+    np.testing.assert_allclose(larger.shapes[:, ids], 1.3 * man.shapes[:, ids], atol=1e-3)
+
+
+def test_the_woman_of_her_skin_alone_is_like_the_woman() -> None:
+    woman = load_character("woman")
+    made = character_of(woman.vertices[:N_SKIN], name="w", title="W")
+    for name, millimetres in (("teeth_upper", 0.3), ("tongue", 0.3), ("eye_left", 1.5), ("lashes_right", 2.0)):
+        ids = slice(*woman.part(name).vertices)
+        away = 10.0 * np.linalg.norm(made.vertices[ids] - woman.vertices[ids], axis=1)
+        assert away.max() < millimetres, name
+    shown = visible(woman)
+    errors = 10.0 * np.linalg.norm(made.shapes[:, shown] - woman.shapes[:, shown], axis=2)
+    truth = 10.0 * np.linalg.norm(woman.shapes[:, shown], axis=2)
+    # Her own shapes are not scaled by the size of her face.
+    assert np.sqrt(np.mean(errors**2)) < 0.12 * np.sqrt(np.mean(truth**2))
+
+
+def test_blinks_of_a_random_head_close(random_head: Character) -> None:
+    for side in ("Left", "Right"):
+        assert blink_gap_mm(random_head, side) < 0.05
+        assert blink_gap_mm(random_head, side, 0.8) > 0.2, "an eye that is not quite closed has a gap"
+
+
+def test_nothing_penetrates_in_a_random_head(random_head: Character) -> None:
+    step = ContactStep.of(random_head)
+    row = random_head.shape_names.index
+    smile = ("mouthSmileLeft", "mouthSmileRight", "mouthLowerDownLeft", "mouthStretchRight")
+    for names in (smile, ("jawOpen", "mouthFunnel"), ("eyeBlinkLeft", "eyeWideRight", "mouthRollLower")):
+        vertices = random_head.vertices + sum(random_head.shapes[row(name)] for name in names)
+        depths = penetration_mm(random_head, step.apply(vertices.astype(np.float32)))
+        assert max(depths.values()) < 0.1, (names, depths)
+
+
+def test_lips_touch_as_the_mans_at_rest_and_over_an_open_jaw(man: Character, random_head: Character) -> None:
+    lips = HeadMaker.shipped().lips
+    rows = [man.shape_names.index(name) for name in ("jawOpen", "mouthClose")]
+    rest, over_jaw = (
+        [lips.gaps(character.vertices[:N_SKIN] + offset(character)) for character in (man, random_head)]
+        for offset in (lambda _: 0.0, lambda character: character.shapes[rows, :N_SKIN].sum(axis=0))
+    )
+    np.testing.assert_allclose(rest[1], rest[0], atol=0.04)
+    np.testing.assert_allclose(over_jaw[1][8:-8], over_jaw[0][8:-8], atol=0.08)
+
+
+def test_eyeballs_are_between_the_lids(random_head: Character) -> None:
+    points = random_head.feature_points
+    for side, upper, lower in (("left", "3.1", "3.3"), ("right", "3.2", "3.4")):
+        centre, radius = ball_of(random_head.vertices[slice(*random_head.part(f"eye_{side}").vertices)].astype(float))
+        for name in (upper, lower):
+            distance = np.linalg.norm(random_head.vertices[points[name]] - centre)
+            assert 1.02 * radius < distance < 1.35 * radius, "the lid's edge is in front of the ball"
+
+
+def test_the_preview_is_like_the_character(man: Character) -> None:
+    heads = load_identity_model()
+    skin = heads.instance(heads.sample(3)[0])
+    character = character_of(skin, name="three", title="Three")
+    weights = {"jawOpen": 0.6, "mouthSmileLeft": 0.8, "browInnerUpLeft": 0.7, "tongueOut": 0.3, "mouthClose": 0.1}
+    rows = [man.shape_names.index(name) for name in weights]
+    full = character.vertices + np.tensordot(list(weights.values()), character.shapes[rows], 1)
+    shown = np.concatenate([visible(man), np.arange(N_SKIN, len(man.vertices))])
+    away = np.linalg.norm(HeadMaker.shipped().preview(skin, weights) - full, axis=1)[shown]
+    assert away.max() < 0.2
+    assert away.mean() < 0.005
+
+
+def test_textures_and_credits_are_taken(man: Character) -> None:
+    made = character_of(
+        man.vertices[:N_SKIN], name="me", title="Me", textures={"skin": man.textures["eye"]}, credits="A scan."
+    )
+    assert made.textures["skin"] == man.textures["eye"]
+    assert made.textures["teeth"] == man.textures["teeth"]
+    assert made.credits.startswith("A scan. Mesh")
+
+
+def test_other_skins_are_refused(man: Character) -> None:
+    skin = man.vertices[:N_SKIN].astype(float)
+    for wrong, reason in ((skin[:-1], "shape"), (skin * np.nan, "not finite"), (0.01 * skin, "centimetres")):
+        with pytest.raises(FacePoserError, match=reason):
+            character_of(wrong, name="x", title="X")
+
+
+def test_local_maps_recover_an_affine_map() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-4.0, 4.0, (3000, 3))
+    linear = np.array([[1.2, 0.1, 0.0], [0.0, 0.9, 0.1], [0.05, 0.0, 1.1]])
+    maps = LocalMaps(points, np.arange(3000, dtype=np.int32), 50)(points @ linear.T + [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(maps, np.broadcast_to(linear, maps.shape), atol=0.02)
