@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.identity.editing import HeadEditor, encoded_skin
+from faceposer.identity.editing import HeadEditor, textures_of
 from faceposer.identity.photos.face_places import INNER_LIPS
 from faceposer.landmarks.on_meshes import find_mesh_landmarks
 from faceposer.landmarks.painting import painted_parts
@@ -37,7 +37,7 @@ def learn_places(n_heads: int) -> SurfacePoints:
         for seed in range(n_heads):
             identity = editor.random(seed, spread=0.7)
             vertices = editor.maker.head(editor.skin(identity)).vertices + shift
-            textures = {**base.textures, "skin": encoded_skin(editor.random_texture(seed, identity))}
+            textures = {**base.textures, **textures_of(editor.random_texture(seed, identity))}
             mesh = painted_parts(vertices, base.polygons, base.uv, base.polygon_uvs, base.parts, textures)
             found = find_mesh_landmarks(mesh, Similarity(np.eye(3), np.zeros(3), np.array(1.0)))
             if found is None or np.isnan(found.points).any():

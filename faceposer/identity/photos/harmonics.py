@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 N_LIGHT = 9
-# Mean light on the face of a photo that is well exposed, and its weight, relative to the number of samples: dark skin in
-# bright light and bright skin in dark light look the same.
+# Mean light on the face of a photo that is well exposed, and its weight, relative to the number of samples: dark skin
+# in bright light and bright skin in dark light look the same.
 _EXPOSURE, _EXPOSED = 0.95, 0.05
 # Ridge on the coefficients, relative to the number of samples: least on the ambient light.
 _RIDGE = 0.02 * np.array([1e-3, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.3, 0.3])
@@ -63,9 +63,7 @@ def fitted_light(colours: Array, albedo: Array, normals: Array, trust: Array) ->
         rows, weights = basis * albedo[:, channel, None], trust
         for _ in range(_ROUNDS):
             weighted = rows * weights[:, None]
-            light[:, channel] = np.linalg.solve(
-                weighted.T @ rows + prior, weighted.T @ colours[:, channel] + expected
-            )
+            light[:, channel] = np.linalg.solve(weighted.T @ rows + prior, weighted.T @ colours[:, channel] + expected)
             left = colours[:, channel] - rows @ light[:, channel]
             weights = trust / (1.0 + (left / _DOUBTFUL) ** 2)
     return light
