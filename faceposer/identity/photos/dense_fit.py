@@ -40,9 +40,9 @@ class DenseSettings:
 
     weight: float = 0.1
     n_samples: int = 2500
-    levels: tuple[tuple[float, int], ...] = ((4.0, 4), (2.0, 4), (1.0, 4))
+    levels: tuple[tuple[float, int], ...] = ((4.0, 6), (2.0, 6), (1.0, 8))
     n_modes: int = 100
-    segment_steps: int = 4
+    segment_steps: int = 6
     segment_modes: int = 40
     segment_spread: float = 0.4
     damping: float = 0.01

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: Standard deviation of a colour, 0 to 1, and the number of them from which a sample counts less.
 SIGMA, _DOUBTFUL = 0.04, 3.0
-#: Usual median difference of colours, and limits of the factor on the weight of other photos. The noise of colours falls
+#: Usual median difference of colours, and limits of the factor on the weight of other photos. The noise falls
 #: as the fit proceeds; hair, glasses and wrinkles leave more of it than bare skin.
 NOISE, _FACTORS = 0.02, (0.1, 3.0)
 # Least cosine between a triangle and the view at which it is compared.

@@ -39,9 +39,10 @@ _HIDDEN = 0.35
 _DARKEST = 0.25
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
 _FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
-#: Landmarks on the brows, whose colours are no skin's, and the distance from them, in centimetres, that is brow.
-_BROWS = (70, 63, 105, 66, 107, 55, 65, 52, 53, 46, 300, 293, 334, 296, 336, 285, 295, 282, 283, 276)
-_BROW_REACH = (0.35, 0.7)
+#: Landmarks on the brows without their outer ends, whose colours are no skin's, and the distance from them, in
+#: centimetres, that is brow.
+_BROWS = (105, 66, 107, 55, 65, 52, 334, 296, 336, 285, 295, 282)
+_BROW_REACH = (0.1, 0.4)
 # Weight of the mirrored side relative to the own one.
 _MIRRORED = 0.02
 _LEAST = 0.004
