@@ -51,7 +51,7 @@ class KeyCells:
         for one in SIDES:
             if one == "target":
                 imgui.same_line()
-            self._draw_picture(key, one, side)
+            self._draw_picture(key, one, side, strength)
         width = 2 * side + 1
         low = imgui.get_cursor_screen_pos()
         imgui.dummy((width, imgui.get_text_line_height() + em(_BAR + 0.1)))
@@ -70,14 +70,14 @@ class KeyCells:
             )
         imgui.pop_style_var()
 
-    def _draw_picture(self, key: ListedKey, one: Side, side: int) -> None:
+    def _draw_picture(self, key: ListedKey, one: Side, side: int, strength: float | None) -> None:
         feature = self._keys
         context = feature.context
         low = imgui.get_cursor_screen_pos()
         pressed = imgui.invisible_button(one, ImVec2(side, side))
         seen, hovered = imgui.is_item_visible(), imgui.is_item_hovered()
         context.widget_rects.record(f"key:{key.name}:{one}")
-        tooltip(self._tip(key, one))
+        tooltip(self._tip(key, one, strength))
         high = ImVec2(low.x + side, low.y + side)
         draw = imgui.get_window_draw_list()
         if seen:
@@ -98,19 +98,21 @@ class KeyCells:
                 draw.add_rect(low, high, u32(ACCENT if active else RAISED_MORE), thickness=thick)
         if pressed:
             feature.editing.edit(key, one)
-        self._draw_menu(key)
+        self._draw_menu(key, one)
 
-    def _tip(self, key: ListedKey, one: Side) -> str:
+    def _tip(self, key: ListedKey, one: Side, strength: float | None) -> str:
         lines = [f"{key.title}: {one}. Click to edit it"]
         if key.problem:
             lines = [key.problem]
         elif one == "target" and key.proposed:
             lines.append("Proposed by a transfer, and not edited yet")
+        if strength is not None:
+            lines.append(f"Weight in the present pose: {strength:.2f}")
         return "\n".join(lines)
 
-    def _draw_menu(self, key: ListedKey) -> None:
+    def _draw_menu(self, key: ListedKey, one: Side) -> None:
         feature = self._keys
-        if not imgui.begin_popup_context_item("##key-menu"):
+        if not imgui.begin_popup_context_item(f"##key-menu-{one}"):
             return
         free = not feature.context.busy
         items: tuple[tuple[str, str, bool, Callable[[], None]], ...] = (

@@ -93,13 +93,15 @@ class Covering:
             imgui.same_line(left + em(_TEXT) + gap)
         self._draw_graph(covered, max(graph, em(2.0)))
         imgui.same_line()
-        label = "All frames covered" if covered.best is None else f"Go to frame {covered.best}"
+        label = "All frames covered" if covered.best is None else f"Go to frame {covered.best + 1}"
         with disabled(covered.best is None):
             if imgui.button(f"{label}##keys-best", (em(_BUTTON), 0.0)):
                 self.go_to_best(keys)
         self._context.widget_rects.record("keys:best")
         if covered.best is not None:
-            tooltip(f"Frame {covered.best} would help most as a key: with it, {100.0 * covered.left:.1f} % is missed")
+            tooltip(
+                f"Frame {covered.best + 1} would help most as a key: with it, {100.0 * covered.left:.1f} % is missed"
+            )
 
     def _draw_graph(self, covered: Covered, width: float) -> None:
         context, height = self._context, imgui.get_frame_height()

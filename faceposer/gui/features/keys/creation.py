@@ -40,16 +40,17 @@ class CreationDialog:
         proposal: How missing poses of the target are proposed.
     """
 
-    def __init__(self, context: EditorContext, create: Callable[[Path, str, str, Proposal], None]) -> None:
+    def __init__(self, context: EditorContext, create: Callable[[Path, str, str, Proposal], object]) -> None:
         """Ask in the window of ``context``, then call ``create`` with folder, source, target and proposal."""
         self._context, self._create = context, create
         self.open = False
         self.to = ""
         self.proposal: Proposal = "auto"
         self._titles: dict[str, str] = {}
+        self._cancelled: Callable[[], object] = lambda: None
 
-    def show(self, to: str = "") -> None:
-        """Open the dialog, with the target ``to`` if it is given."""
+    def show(self, to: str = "", cancelled: Callable[[], object] = lambda: None) -> None:
+        """Open the dialog, with the target ``to`` if it is given; ``cancelled`` is called if the user gives up."""
         context = self._context
         context.toolbox.finish()
         context.slider_edit.let_go()
@@ -62,7 +63,7 @@ class CreationDialog:
         self.to = to or (self.to if self.to in self._titles else "")
         if self.to in ("", source):
             self.to = next((name for name in self._titles if name != source), source)
-        self.open = True
+        self.open, self._cancelled = True, cancelled
         context.redraw()
 
     def draw(self) -> None:
@@ -83,6 +84,7 @@ class CreationDialog:
                 f"Pairs of an expression of {source} and what it looks like on the target, in a folder of files. "
                 "Poses that the target lacks are proposed, for you to edit."
             )
+            imgui.dummy((0.0, em(0.2)))
             row_label("Target", "Character that follows", _LABEL)
             imgui.set_next_item_width(-em(2.8))
             opened = imgui.begin_combo("##keys-to", displayed(self._titles.get(self.to, Path(self.to).stem)))
@@ -113,6 +115,7 @@ class CreationDialog:
         if pressed == "cancel":
             self.open = False
             imgui.close_current_popup()
+            self._cancelled()
         elif pressed == "create":
             self._ask_for_folder()
 

@@ -28,10 +28,13 @@ from faceposer.poses.pose_file import Pose, checked_name
 from faceposer.progress import Progress
 from faceposer.session.key_compositions import compose_keys
 from faceposer.session.key_edits import add_key_pose, propose_again, save_key
-from faceposer.session.key_folder import COMPOSED, KeyFolder, Side
+from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFolder, Side
 from faceposer.session.key_proposals import Proposal, create_keys
 from faceposer.session.key_set import ListedKey
 from faceposer.transfer.key_parameters import Regions
+
+# Kinds of keys in the order of the list.
+_ORDER = (EXPRESSION, VISEME, "", COMPOSED)
 
 
 class KeysFeature(Feature):
@@ -60,6 +63,7 @@ class KeysFeature(Feature):
         self.shown = False
         self.kind = ""
         self.work = KeyWork(context, self.opened.read)
+        self._created: Callable[[], object] = lambda: None
         self._panel = KeysPanel(self)
 
     # Called by the window
@@ -164,15 +168,20 @@ class KeysFeature(Feature):
         start = last_folder(self.context.settings) if folder is None else folder.parent
         self.context.ask_for_file(FileRequest("folder", "Open folder of keys", "Keys", (), start, self.opened.open))
 
-    def ask_for_new(self, to: str = "") -> None:
-        """Ask for the target ``to`` and the place of a new folder."""
-        self.creation.show(to)
+    def ask_for_new(self, to: str = "", done: Callable[[], object] = lambda: None) -> None:
+        """Ask for the target, ``to`` at first, and the place of a new folder; ``done`` is called at the end."""
+        self._created = done
+        self.creation.show(to, done)
 
     def _create(self, folder: Path, source: str, target: str, proposal: Proposal) -> None:
         def work(progress: Progress) -> KeyFolder:
             return create_keys(folder, source, target, proposal=proposal, progress=progress)
 
-        self.work.run("New key poses", "The keys were not created", work, lambda keys: self.opened.open(keys.folder))
+        def created(keys: KeyFolder) -> None:
+            self.opened.open(keys.folder)
+            self._created()
+
+        self.work.run("New key poses", "The keys were not created", work, created)
 
     def set_regions(self, regions: Regions) -> None:
         """Clone ``regions`` of the face separately, in the description of the folder."""
@@ -184,10 +193,10 @@ class KeysFeature(Feature):
     # Pairs
 
     def listed(self) -> list[ListedKey]:
-        """Return the keys of the chosen kind: emotional and verbal ones before their compositions."""
+        """Return the keys of the chosen kind: emotional and verbal ones, others, and compositions."""
         keys = () if self.opened.keys is None else self.opened.keys.keys
         chosen = [key for key in keys if not self.kind or key.kind == self.kind]
-        return sorted(chosen, key=lambda key: key.kind == COMPOSED)
+        return sorted(chosen, key=lambda key: _ORDER.index(key.kind))
 
     @property
     def poses_source(self) -> bool:

@@ -90,7 +90,7 @@ class KeysPanel:
         edited = feature.editing.edited
         # From the right: close, back, save.
         buttons = [("keys-save", "Save key", 5.6), ("keys-back", "Back", 4.2)] if edited is not None else []
-        taken = sum(em(width + 0.4) for _, _, width in buttons) + em(2.2)
+        taken = sum(em(width + 0.4) for _, _, width in buttons) + em(1.8)
         imgui.align_text_to_frame_padding()
         self._draw_state(right - taken - imgui.get_cursor_pos_x() - em(0.8))
         imgui.same_line(right - taken)
