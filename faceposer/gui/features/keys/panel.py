@@ -180,7 +180,7 @@ class KeysPanel:
             imgui.begin_child("##keys-live", ImVec2(em(_LIVE), 0.0))
             self._draw_live(keys, pose)
             imgui.end_child()
-            imgui.same_line()
+            imgui.same_line(0.0, em(0.9))
         imgui.begin_child("##keys-list", ImVec2(0.0, 0.0))
         self._cells.draw(keys, {} if pose is None else keys.strengths(pose))
         imgui.end_child()
