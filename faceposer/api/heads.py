@@ -57,7 +57,9 @@ class HeadsMixin:
         return self._head_editor.distance(self.head)
 
     def set_attributes(self, values: Mapping[str, float] | None = None, /, **named: float) -> None:
-        """Set attributes of the head and keep the others: ``set_attributes(age=0.5, nose_length=-0.3)``.
+        """Set attributes of the head: ``set_attributes(age=0.5, nose_length=-0.3)``.
+
+        Those of the person, such as age, leave each other and change the face; those of the face leave all others.
 
         Args:
             values: Values by name of attribute.

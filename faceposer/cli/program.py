@@ -95,6 +95,7 @@ examples:
                                              pose a face from a photo
   faceposer landmarks face.jpg -o points.json
                                              find the landmarks of a photo or a mesh
+  faceposer identity new --seed 7 -o me.npz  make a character with a random head; also set, mix, info
   faceposer identity fit scan.obj -o me.npz  make a character of a scan of a head
   faceposer sketch man strokes.json -o drawn.json
                                              pose a face by drawn features

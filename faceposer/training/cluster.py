@@ -82,28 +82,32 @@ class ClusteredFrames:
         return [self._client.submit(function, chunk, *sent, pure=False) for chunk in self._chunks]
 
     def _wait_for(self, future: Any) -> None:
-        """Wait until ``future`` is done, reporting progress so that the user can cancel.
+        _wait_for(self._client, future, self._address, self._progress)
 
-        Raises:
-            FacePoserError: If the task failed.
-        """
-        while not future.done():
-            try:
-                future.exception(timeout=_POLL_S)
-            except TimeoutError:
-                self._progress.at("Waiting for the cluster")
-                if self._client.status != "running" or not self._client.scheduler_info(n_workers=1)["workers"]:
-                    raise FacePoserError(
-                        f"The workers of the Dask scheduler at {self._address} are gone; start them again."
-                    ) from None
-        if future.status != "finished":
-            error = future.exception() if future.status == "error" else None
-            if isinstance(error, FacePoserError):
-                raise error
-            reason = f"{type(error).__name__}: {error}" if error else "it was cancelled"
-            raise FacePoserError(
-                f"The Dask cluster at {self._address} failed ({reason}); see the logs of its workers."
-            ) from error
+
+def _wait_for(client: Any, future: Any, address: str, progress: Progress) -> None:
+    """Wait until ``future`` is done, reporting progress so that the user can cancel.
+
+    Raises:
+        FacePoserError: If the task failed.
+    """
+    while not future.done():
+        try:
+            future.exception(timeout=_POLL_S)
+        except TimeoutError:
+            progress.at("Waiting for the cluster")
+            if client.status != "running" or not client.scheduler_info(n_workers=1)["workers"]:
+                raise FacePoserError(
+                    f"The workers of the Dask scheduler at {address} are gone; start them again."
+                ) from None
+    if future.status != "finished":
+        error = future.exception() if future.status == "error" else None
+        if isinstance(error, FacePoserError):
+            raise error
+        reason = f"{type(error).__name__}: {error}" if error else "it was cancelled"
+        raise FacePoserError(
+            f"The Dask cluster at {address} failed ({reason}); see the logs of its workers."
+        ) from error
 
 
 @contextmanager
@@ -119,6 +123,38 @@ def cluster_frames(reader: AlignedReader, scheduler: str, progress: Progress) ->
         FacePoserError: If Dask is not installed, no scheduler or no worker answers, a worker lacks Face Poser, or a
             worker cannot read a frame.
     """
+    with _client(scheduler, progress) as client:
+        yield ClusteredFrames(client, reader, scheduler, progress)
+
+
+@contextmanager
+def cluster_map(scheduler: str, progress: Progress) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Yield a function like `map` that computes on the workers of a Dask cluster.
+
+    Args:
+        scheduler: Address of the scheduler, such as "tcp://host:8786".
+        progress: Progress to update.
+
+    Raises:
+        FacePoserError: If Dask is not installed, no scheduler or no worker answers, or a worker lacks Face Poser.
+    """
+    with _client(scheduler, progress) as client:
+
+        def mapped(function: Callable[..., Result], items: Sequence[Any]) -> Iterator[Result]:
+            futures = [client.submit(function, item, pure=False) for item in items]
+            try:
+                for future in futures:
+                    _wait_for(client, future, scheduler, progress)
+                    yield future.result()
+            finally:
+                client.cancel(futures)
+
+        yield mapped
+
+
+@contextmanager
+def _client(scheduler: str, progress: Progress) -> Iterator[Any]:
+    """Connect to a Dask cluster with workers that have Face Poser."""
     try:
         from distributed import Client
     except ImportError as error:
@@ -135,7 +171,7 @@ def cluster_frames(reader: AlignedReader, scheduler: str, progress: Progress) ->
         ) from error
     try:
         _check_workers(client, scheduler)
-        yield ClusteredFrames(client, reader, scheduler, progress)
+        yield client
     finally:
         client.close()
 

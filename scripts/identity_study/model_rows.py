@@ -13,15 +13,11 @@ from faceposer.identity.editing import HeadEditor, head_editor
 from faceposer.identity.identity import Identity
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
-from faceposer.landmarks.drawing import visible_triangles
 from faceposer.model.character_file import load_character
-from faceposer.model.contact.measure import KINDS, penetration_mm
-from faceposer.model.face_model import FaceModel, build_face_model
-from faceposer.model.framing import face_view
-from faceposer.poses import applying
-from faceposer.poses.library import starter_poses
+from faceposer.model.contact.measure import KINDS
 from scripts.identity_building.learning import Learning
 from scripts.identity_study.rows import row
+from scripts.study_heads import study
 
 Array = NDArray[np.float64]
 
@@ -33,10 +29,8 @@ _COUNTS = (10, 20, 40, 60, 80, 100)
 _NOISE = 0.02
 #: Allowed share of an attribute's range by which setting another one may change it.
 ALLOWED_SHARE = 0.1
-#: Allowed penetration in millimetres, and allowed share of an open eye that a blink leaves in sight.
-ALLOWED_MM, ALLOWED_OPEN = 0.1, 0.01
-#: Width of the image in which the eyes are looked at.
-_SIZE = 1400
+#: Samples of the prior on expressions in which each random head is measured.
+_DRAWS = 10
 
 
 def reconstruction_rows(learning: Learning, n: int) -> Iterator[dict[str, Any]]:
@@ -151,53 +145,18 @@ def _measured(editor: HeadEditor, head: Identity) -> dict[str, float]:
 
 
 def head_rows(n: int) -> Iterator[dict[str, Any]]:
-    """Yield what ``n`` random heads leave open in a blink, and how deep their parts intersect, beside the man.
-
-    Poses are the neutral face, both lids closed, and all of the library. "blink_open" is the area of the eyeballs in
-    sight from the front at a full blink, without lashes, as a share of that of the neutral face.
-    """
-    man = build_face_model(load_character("man"))
-    editor = head_editor(man.character)
-    for label, seeds in (("man", [None]), ("random heads", [*range(_FIRST_HEAD, _FIRST_HEAD + n)])):
-        began = time.perf_counter()
-        opened, depths = [], []
-        for seed in seeds:
-            model = man if seed is None else man.with_character(editor.with_head(editor.random(seed)))
-            blink = model.coefficients_of({"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0})
-            opened.append(_eyes_in_sight(model, blink) / max(_eyes_in_sight(model, model.neutral()), 1))
-            found = [penetration_mm(model, model.surface(pose)) for pose in (blink, *_library(model))]
-            depths.append([max(depth[kind] for depth in found) for kind in KINDS])
-        left, deepest = np.array(opened), np.array(depths)
-        yield {
-            "test": "heads",
-            "method": label,
-            "modes": editor.model.n_coefficients,
-            "n": len(seeds),
-            "blink_open_max": round(float(left.max()), 4),
-            "blink_open_over": int((left > ALLOWED_OPEN).sum()),
-            **{
-                f"{kind}_mm_max": round(float(depth), 4) for kind, depth in zip(KINDS, deepest.max(axis=0), strict=True)
-            },
-            "penetration_over": int((deepest > ALLOWED_MM).any(axis=1).sum()),
-            "worst_seeds": [seeds[int(left.argmax())], seeds[int(deepest.max(axis=1).argmax())]],
-            "seconds": round((time.perf_counter() - began) / len(seeds), 2),
-        }
-
-
-def _library(model: FaceModel) -> list[Array]:
-    poses = [entry.pose for entry in starter_poses() if entry.pose is not None]
-    usable = [pose for pose in poses if applying.weights_on(pose, model.character) is not None]
-    return [applying.applied(model, model.neutral(), pose, 1.0) for pose in usable]
-
-
-def _eyes_in_sight(model: FaceModel, pose: Array) -> int:
-    """Return the number of pixels that show eyeballs from the front."""
-    character = model.character
-    camera = face_view(character, "front", 1.0).camera((_SIZE, _SIZE))
-    vertices = model.surface(pose)
-    kinds = np.zeros(len(vertices), dtype=np.int8)
-    for part in character.parts:
-        kinds[slice(*part.vertices)] = 1 if part.material == "eye" else 2 if part.material == "lashes" else 0
-    drawn = model.triangles[kinds[model.triangles[:, 0]] != 2]
-    faces, _ = visible_triangles(camera.project(vertices), camera.to_camera(vertices)[:, 2], drawn, camera.size)
-    return int((kinds[drawn[faces[faces >= 0], 0]] == 1).sum())
+    """Yield what ``n`` random heads leave open in a blink and how deep parts intersect, by ``scripts.study_heads``."""
+    model = load_identity_model()
+    began = time.perf_counter()
+    found = [study(model.instance(head), _DRAWS, seed) for seed, head in enumerate(model.sample(0, n))]
+    yield {
+        "test": "heads",
+        "method": "random",
+        "modes": model.n_coefficients,
+        "n": n,
+        "poses": sum(each["poses"] for each in found),
+        "blink_gap_mm_max": round(max(each["blink_gap_mm"] for each in found), 4),
+        **{f"{kind}_mm_max": round(max(each["deepest_mm"][kind] for each in found), 4) for kind in KINDS},
+        "poses_over": {kind: sum(each["over"][kind] for each in found) for kind in KINDS},
+        "seconds": round((time.perf_counter() - began) / n, 2),
+    }

@@ -85,7 +85,7 @@ def test_the_example_on_the_page_is_ten_lines_and_runs(
 @pytest.mark.gl
 def test_the_other_example_on_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert len(EXAMPLES) == 4
+    assert len(EXAMPLES) == 5
     exec(compile(EXAMPLES[1], "docs/api.md", "exec"), {})
     assert sorted(p.name for p in tmp_path.iterdir()) == ["poses", "surprised.png"]
     weights = json.loads((tmp_path / "poses" / "closed-smile.json").read_text())["weights"]

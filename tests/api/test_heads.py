@@ -1,5 +1,6 @@
 """Heads through the Python interface."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -115,3 +116,17 @@ def test_other_arguments_get_one_sentence(
         call(face)  # type: ignore[operator]
     assert face.session.document.identity is None
     assert not list(tmp_path.iterdir())
+
+
+def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).resolve().parents[2] / "docs" / "identity.md").read_text(encoding="utf-8")
+    (example,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "new_head" in code]
+    names: dict[str, Face] = {}
+    exec(compile(example, "docs/identity.md", "exec"), names)
+    face = names["face"]
+    assert face.weights["mouthSmileLeft"] == pytest.approx(0.8, abs=0.05)
+    assert faceposer.load(tmp_path / "me.npz").character.title == "Me"
+    page = (Path(__file__).resolve().parents[2] / "docs" / "api.md").read_text(encoding="utf-8")
+    (example,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "new_head" in code]
+    exec(compile(example, "docs/api.md", "exec"), {})

@@ -8,7 +8,7 @@ import pytest
 from faceposer.identity.attributes import load_attributes
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.template import head_template
-from faceposer.model.face_model import FaceModel
+from faceposer.model.contact.measure import KINDS
 from scripts.identity_study import model_rows
 from scripts.identity_study.rows import row
 
@@ -49,11 +49,19 @@ def test_what_is_to_stay() -> None:
     assert set(model_rows._to_stay(attributes, "age", held=True)) == set(attributes.names) - {"age"}
 
 
-def test_open_eyes_are_seen_and_closed_ones_are_not(man: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(model_rows, "_SIZE", 500)
-    blink = man.coefficients_of({"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0})
-    wink = man.coefficients_of({"eyeBlinkLeft": 1.0})
-    closed, half, opened = (model_rows._eyes_in_sight(man, pose) for pose in (blink, wink, man.neutral()))
-    assert opened > 200
-    assert closed < 0.01 * opened
-    assert half == pytest.approx(opened / 2.0, rel=0.1)
+def test_the_worst_of_random_heads_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def study(skin: np.ndarray, draws: int, seed: int) -> dict[str, object]:
+        assert skin.shape == (head_template().n_skin, 3)
+        depths = dict.fromkeys(KINDS, 0.01 * (seed + 1))
+        return {
+            "blink_gap_mm": 0.1 * seed,
+            "poses": 5,
+            "deepest_mm": depths,
+            "over": dict.fromkeys(KINDS, seed),
+        }
+
+    monkeypatch.setattr(model_rows, "study", study)
+    (made,) = model_rows.head_rows(3)
+    assert (made["n"], made["poses"], made["blink_gap_mm_max"]) == (3, 15, 0.2)
+    assert made["lid_lid_mm_max"] == 0.03
+    assert made["poses_over"]["lips_teeth"] == 3

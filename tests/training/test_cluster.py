@@ -15,7 +15,7 @@ from faceposer.geometry.obj_io import write_obj
 from faceposer.progress import CancelledError, Progress
 from faceposer.training import cluster as cluster_module
 from faceposer.training import frames as frames_module
-from faceposer.training.cluster import cluster_frames
+from faceposer.training.cluster import cluster_frames, cluster_map
 from faceposer.training.examples import ExampleOptions, character_from_examples
 from faceposer.training.frames import spool_frames
 from faceposer.training.streaming_pca import Region, regional_pca, scores_of
@@ -175,3 +175,16 @@ def test_missing_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         cluster_frames(reader, "tcp://127.0.0.1:9", Progress()),
     ):
         pass
+
+
+def squared(value: int) -> int:
+    if value < 0:
+        raise FacePoserError(f"{value} is negative.")
+    return value * value
+
+
+def test_functions_are_mapped_in_order_and_their_errors_are_raised(address: str) -> None:
+    with cluster_map(address, Progress()) as mapped:
+        assert list(mapped(squared, [3, 1, 2])) == [9, 1, 4]
+        with pytest.raises(FacePoserError, match="-1 is negative"):
+            list(mapped(squared, [2, -1]))

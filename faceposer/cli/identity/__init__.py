@@ -3,7 +3,7 @@
 import argparse
 from typing import Any, Protocol
 
-from faceposer.cli.identity import fit, fit_photo, info, mix, new, set_attributes
+from faceposer.cli.identity import fit, fit_photo, info, learn, mix, new, set_attributes
 
 NAME = "identity"
 
@@ -25,7 +25,7 @@ class Subcommand(Protocol):
         ...
 
 
-SUBCOMMANDS: tuple[Subcommand, ...] = (new, set_attributes, mix, fit, fit_photo, info)
+SUBCOMMANDS: tuple[Subcommand, ...] = (new, set_attributes, mix, fit, fit_photo, learn, info)
 
 
 def add_parser(commands: Any) -> None:

@@ -33,6 +33,7 @@ def add_parser(subcommands: Any) -> None:
     parser.add_argument(
         "--distance-map", type=output_path, metavar="OUT.png", help="draw the scans, the head, and their distance"
     )
+    parser.add_argument("--model", type=Path, metavar="MODEL.npz", help="a model from 'faceposer identity learn'")
     parser.add_argument("--no-detail", dest="detail", action="store_false", help="keep to the model")
     parser.add_argument("--no-texture", dest="texture", action="store_false", help="leave the colours of the scans")
     parser.add_argument("--name", help="short name of the character; that of the output if not given")
@@ -45,15 +46,17 @@ def run(options: argparse.Namespace) -> int:
     for path, suffix in outputs:
         if path is not None:
             check_output(path, suffix)
-            check_not_input(path, *options.scans, *options.landmarks)
+            check_not_input(path, *options.scans, *options.landmarks, options.model)
     if len(options.landmarks) not in (0, len(options.scans)):
         raise FacePoserError(
-            f"There are {counted(len(options.landmarks), 'file')} of landmarks for "
-            f"{counted(len(options.scans), 'scan')}; give --landmarks once for each scan, or leave it out."
+            f"--landmarks is given for {len(options.landmarks)} of "
+            f"{counted(len(options.scans), 'scan')}; give it once for each scan, or leave it out."
         )
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.files.writing import write_json
     from faceposer.identity.character import character_of
+    from faceposer.identity.model_file import load_identity_model
+    from faceposer.identity.scans.basis import basis_of
     from faceposer.identity.scans.head_from_scans import head_from_scans, read_scan, shipped_basis
     from faceposer.identity.scans.landmarks_file import read_scan_landmarks
     from faceposer.identity.scans.pictures import distance_map
@@ -64,7 +67,9 @@ def run(options: argparse.Namespace) -> int:
     scans = [read_scan(path, marked[number] if marked else None) for number, path in enumerate(options.scans)]
     line = ProgressLine()
     try:
-        made = head_from_scans(scans, options.detail, options.texture, line.progress)
+        model = None if options.model is None else load_identity_model(options.model)
+        basis = shipped_basis() if model is None else basis_of(model)
+        made = head_from_scans(scans, options.detail, options.texture, line.progress, basis, model)
     finally:
         line.clear()
     name = options.name or options.output.stem
@@ -83,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     if options.distance_map is not None:
         import numpy as np
 
-        pictures = [distance_map(shipped_basis(), scan) for scan in made.scans]
+        pictures = [distance_map(basis, scan) for scan in made.scans]
         write_picture(options.distance_map, np.vstack(pictures))
         print(f"{options.distance_map} written")
     return 0

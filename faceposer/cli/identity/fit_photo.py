@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import number_between, output_path
-from faceposer.errors import counted
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_not_input, check_output
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ def add_parser(subcommands: Any) -> None:
         metavar="X",
         help="weight of what is usual: below 1 for more likeness, above 1 for a likelier head (default: 1)",
     )
+    parser.add_argument(
+        "--landmarks-only", dest="dense", action="store_false", help="use landmarks, not the colours of the photos"
+    )
     parser.add_argument("--name", help="short name of the character; that of the output if not given")
     parser.add_argument("--title", help="display name of the character; its short name if not given")
 
@@ -55,7 +58,6 @@ def run(options: argparse.Namespace) -> int:
             check_output(path, suffix)
             check_not_input(path, *options.photos)
     from faceposer.cli.progress_line import ProgressLine
-    from faceposer.errors import FacePoserError
     from faceposer.files.writing import write_json
     from faceposer.identity.photos.head_from_photos import head_from_photos
     from faceposer.model.character_file import save_character
@@ -69,17 +71,22 @@ def run(options: argparse.Namespace) -> int:
     try:
         made = head_from_photos(
             [one.face for one in found],
+            [one.pixels for one in found],
             [str(path) for path in options.photos],
             name=name,
             title=options.title or name,
             likelihood=options.likelihood,
+            dense=options.dense,
             progress=line.progress,
         )
     finally:
         line.clear()
     save_character(options.output, made.character)
     for photo in made.report["photos"]:
-        print(f"{photo['photo']}: landmarks {photo['landmark_px']:.1f} px off")
+        colours = "" if photo["residual"] is None else f", colours {photo['residual']:.3f}"
+        print(printable(f"{photo['photo']}: landmarks {photo['landmark_px']:.1f} px{colours} off"))
+    if options.dense and not made.report["refined"]:
+        print("Colours did not improve the head, which is that of the landmarks.")
     print(f"{options.output} written from {counted(len(found), 'photo')} in {made.report['seconds']:.1f} s")
     if options.report is not None:
         write_json(options.report, made.report, "report")

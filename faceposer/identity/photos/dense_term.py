@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 SIGMA, _DOUBTFUL = 0.04, 3.0
 # Least cosine between a triangle and the view at which it is compared.
 _FACING = 0.25
+# Number of triangles, in those compared, from which these are drawn.
+_POOL = 2
 
 
 @dataclass(eq=False)
@@ -71,6 +73,8 @@ class DensePhoto:
 
     def chosen(self, state: FitState, number: int, seen: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
         """Return random samples of those ``seen``, by their areas in the picture."""
+        if len(seen) > _POOL * self.n_samples:
+            seen = rng.choice(seen, _POOL * self.n_samples, replace=False)
         corners = self._corners(state, number, seen)
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(cross, axis=1)

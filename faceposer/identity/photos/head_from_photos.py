@@ -1,20 +1,27 @@
-"""A head from photos of one person: identity, character, and the pose and the camera of each photo."""
+"""A head from photos of one person: identity, texture, character, and the pose, the camera and the light of each photo."""
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.camera import Camera
-from faceposer.identity.identity import Identity
+from faceposer.identity.editing import textures_of
+from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.photos.dense_fit import DenseFit, DenseFitter, DenseSettings
+from faceposer.identity.photos.face_camera import FaceCamera
+from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
 from faceposer.identity.photos.landmark_fit import LandmarkFit, PhotoFace, fit_landmarks, fit_points
-from faceposer.identity.photos.unknowns import FitState
+from faceposer.identity.photos.photo_texture import LitPhoto, photo_texture
+from faceposer.identity.photos.skin_samples import shipped_samples
+from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.progress import Progress
@@ -23,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: Largest turn of a face to a side, in radians, at which its points are still found.
 MOST_YAW = 1.05
+# Height of the face, in pixels, in the crop from which the texture is taken.
+_TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
 
 
@@ -31,10 +40,11 @@ class HeadFromPhotos:
     """A head from photos.
 
     Attributes:
-        identity: Its identity.
+        identity: Its identity; the character also has the colours of the photos.
         model: Face model of its character.
         poses: Its pose in each photo, shape (r,) each.
         cameras: The camera of each photo, in pixels of the images given.
+        lights: The light in each photo in the axes of its camera, (9, 3) each.
         report: What was measured, as JSON.
     """
 
@@ -42,6 +52,7 @@ class HeadFromPhotos:
     model: FaceModel
     poses: tuple[Array, ...]
     cameras: tuple[Camera, ...]
+    lights: tuple[Array, ...]
     report: dict[str, Any]
 
     @property
@@ -52,21 +63,27 @@ class HeadFromPhotos:
 
 def head_from_photos(
     faces: Sequence[PhotoFace],
+    images: Sequence[NDArray[np.uint8]],
     names: Sequence[str],
     *,
     name: str,
     title: str,
     likelihood: float = 1.0,
+    dense: bool = True,
+    settings: DenseSettings | None = None,
     progress: Progress | None = None,
 ) -> HeadFromPhotos:
     """Return the head of the person whom photos show.
 
     Args:
         faces: The face in each photo.
+        images: The pixels of each photo, shape (h, w, 3) each.
         names: Names of the photos for messages.
         name: Short name of the character.
         title: Its display name.
         likelihood: Weight of the density of heads: below 1 for more likeness, above 1 for a likelier head.
+        dense: Refine the head by the colours of the photos, and take them over.
+        settings: Settings of the refinement.
         progress: Progress to update.
 
     Raises:
@@ -76,22 +93,33 @@ def head_from_photos(
     progress = progress or Progress()
     progress.at("Preparing the model of heads")
     basis, places = head_basis(), load_face_places()
-    fit = fit_landmarks(faces, basis, places, likelihood, progress)
+    crops = [FaceCrop.of(face, image) for face, image in zip(faces, images, strict=True)]
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, likelihood, progress)
     check_turns(fit, names)
-    identity = identity_of(basis, fit.state)
+    found: DenseFit | None = None
+    if dense:
+        found = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings).fit(progress)
+    rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
+    identity = Identity.of(rows)
+    if found is not None:
+        identity = replace(identity, texture=_skin_texture(found, basis, identity))
     progress.at("Making the character")
     model = build_face_model(_named(basis.editor.with_head(identity), name, title, len(faces)))
-    posed = [refitted(face, model, basis, places) for face in faces]
-    cameras = tuple(one.state.views[0].camera.camera for one in posed)
-    report = {
-        "photos": [
-            {"photo": photo, "landmark_px": round(one.landmark_px(0), 2), "camera": camera_json(camera)}
-            for photo, one, camera in zip(names, posed, cameras, strict=True)
-        ],
-        "likelihood": round(basis.editor.model.commonness(fit.state.shape), _DIGITS),
-        "seconds": round(time.perf_counter() - begun, 2),
-    }
-    return HeadFromPhotos(identity, model, tuple(one.state.views[0].pose for one in posed), cameras, report)
+    views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
+    lights: tuple[Array, ...] = () if found is None else found.lights
+    if found is not None and identity.texture is not None:
+        progress.at("Taking the colours of the photos")
+        lit = [
+            _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
+            for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
+        ]
+        skin = photo_texture(lit, textures_of(identity.texture)["skin"], basis, places)
+        textures = {**model.character.textures, "skin": skin}
+        model = model.with_character(replace(model.character, textures=textures))
+    cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))
+    report = _report(names, crops, fit, found, cameras, basis)
+    report["seconds"] = round(time.perf_counter() - begun, 2)
+    return HeadFromPhotos(identity, model, tuple(pose for pose, _ in views), cameras, lights, report)
 
 
 def check_turns(fit: LandmarkFit, names: Sequence[str]) -> None:
@@ -111,16 +139,6 @@ def turn_of(rotation: Array) -> float:
     return float(np.arctan2(facing[0], -facing[2]))
 
 
-def identity_of(basis: HeadBasis, state: FitState) -> Identity:
-    """Return the identity of the head in ``state``, the same coefficients for all segments."""
-    return Identity.of(np.tile(state.shape, (len(basis.editor.segment_names), 1)))
-
-
-def refitted(face: PhotoFace, model: FaceModel, basis: HeadBasis, places: FacePlaces) -> LandmarkFit:
-    """Return the pose and the camera of a known head, by its own expressions."""
-    return fit_points([face], basis.landmarks_of(model, places), ExpressionPrior.of(model), places)
-
-
 def camera_json(camera: Camera) -> dict[str, Any]:
     """Return a camera for a report."""
     return {
@@ -132,9 +150,71 @@ def camera_json(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _named(character: Character, name: str, title: str, n_photos: int) -> Character:
-    from dataclasses import replace
+def _view(
+    crop: FaceCrop,
+    number: int,
+    fit: LandmarkFit,
+    found: DenseFit | None,
+    model: FaceModel,
+    basis: HeadBasis,
+    places: FacePlaces,
+) -> tuple[Array, FaceCamera]:
+    """Return the pose and the camera of photo ``number`` for the character made."""
+    if found is not None and found.refined:
+        view = found.state.views[number]
+        weights = basis.model.weights_of(view.pose)
+        lower, upper = model.character.shape_limits.T.astype(np.float64)
+        return model.coefficients_of(np.where(upper > lower, np.clip(weights, lower, upper), weights)), view.camera
+    posed = fit_points([crop.face], basis.landmarks_of(model, places), ExpressionPrior.of(model), places)
+    return posed.state.views[0].pose, posed.state.views[0].camera
 
-    made = f"Head made from {n_photos} photo{'s' if n_photos > 1 else ''} with a morphable model."
+
+def _lit_photo(
+    crop: FaceCrop, face: PhotoFace, image: NDArray[np.uint8], camera: FaceCamera, vertices: Array, light: Array
+) -> LitPhoto:
+    """Return the photo at the size at which its colours are taken."""
+    large = FaceCrop.of(face, image, _TEXTURE_HEIGHT)
+    x, y = ((there - here) * crop.factor for there, here in zip(large.corner, crop.corner, strict=True))
+    size = (large.image.shape[1], large.image.shape[0])
+    return LitPhoto(large.image, camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light)
+
+
+def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity) -> SkinTexture:
+    """Return the texture of the model that is most like the photos, with the usual layers of such a head."""
+    k = load_texture_model().n_coefficients
+    coefficients = np.clip(found.state.texture[:k], -LIMIT, LIMIT)
+    female = basis.editor.measure(identity)["gender"] > 0.0
+    layers = SkinLayers(hair="combed" if female else "short", brows="arched" if female else "straight")
+    return SkinTexture(tuple(coefficients.tolist()), layers)
+
+
+def _report(
+    names: Sequence[str],
+    crops: Sequence[FaceCrop],
+    fit: LandmarkFit,
+    found: DenseFit | None,
+    cameras: Sequence[Camera],
+    basis: HeadBasis,
+) -> dict[str, Any]:
+    photos = []
+    for number, (photo, crop, camera) in enumerate(zip(names, crops, cameras, strict=True)):
+        entry: dict[str, Any] = {
+            "photo": photo,
+            "landmark_px": round(fit.landmark_px(number) / crop.factor, 2),
+            "residual": None if found is None else round(found.residuals[number], _DIGITS),
+            "camera": camera_json(camera),
+            "light": None if found is None else found.lights[number].round(_DIGITS).tolist(),
+        }
+        photos.append(entry)
+    rows = fit.state.shape[None] if found is None else found.rows
+    return {
+        "photos": photos,
+        "refined": found is not None and found.refined,
+        "likelihood": round(basis.editor.model.commonness(rows), _DIGITS),
+    }
+
+
+def _named(character: Character, name: str, title: str, n_photos: int) -> Character:
+    made = f"Head made from {counted(n_photos, 'photo')} with a morphable model."
     credits = " ".join(text for text in (made, character.credits) if text)
     return replace(character, name=name, title=title, credits=credits)

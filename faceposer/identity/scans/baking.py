@@ -37,6 +37,8 @@ _LEAST_TRUST = 0.05
 _STRETCH = 0.2
 # Width of the fading at the border of the scan, in pixels, and pixels of it that are left out.
 _FADE, _LEFT_OUT = 28.0, 4.0
+# Width of gaps that the nearest colours fill, where the head lies on the scan, and beside the layout, in pixels.
+_GAP, _BESIDE = 72.0, 100.0
 # Least and largest factor on the man's colours.
 _FACTORS = (0.15, 4.0)
 _QUALITY = 92
@@ -96,7 +98,24 @@ def baked_layer(
     colours = np.zeros((_SIDE * _SIDE, 3), dtype=np.float32)
     colours[covered] = _colours_at(mesh, kept[faces[covered]], weights[covered])
     known = (faces >= 0).reshape(_SIDE, _SIDE)
-    return Layer(colours.reshape(_SIDE, _SIDE, 3), known)
+    return _closed(colours.reshape(_SIDE, _SIDE, 3), known, _laid_out(uv, corner_uvs, basis, skin))
+
+
+def _laid_out(uv: Array, corner_uvs: NDArray[np.integer], basis: HeadBasis, skin: Mask) -> NDArray[np.int8]:
+    """Return 1 where the layout has skin that lies on the scan, 0 where other skin, and -1 beside it, (side, side)."""
+    pixels = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1) * _SIDE
+    faces, _ = visible_triangles(pixels, np.ones(len(uv)), corner_uvs, (_SIDE, _SIDE))
+    on_scan = np.asarray(skin[basis.triangles].all(axis=1), dtype=np.int8)
+    return np.where(faces >= 0, on_scan[np.maximum(faces, 0)], -1).astype(np.int8).reshape(_SIDE, _SIDE)
+
+
+def _closed(colours: Image32, known: Mask, layout: NDArray[np.int8]) -> Layer:
+    """Return the layer without narrow gaps: along seams of the layout, which no triangle of the scan crosses."""
+    distances, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
+    gap = ~known & (((layout == 1) & (distances < _GAP)) | ((layout == -1) & (distances < _BESIDE)))
+    rows, columns = nearest[:, gap]
+    colours[gap] = colours[rows, columns]
+    return Layer(colours, known | gap)
 
 
 def blended(layers: list[Layer], base: bytes) -> bytes:
@@ -133,12 +152,12 @@ def _factors(colours: Image32, share: Image32, under: Image32) -> Image32:
     weights = _reduced(share[..., None], step)[..., 0]
     known = np.maximum(weights, 1e-6)[..., None]
     ours, theirs = (_reduced(image * share[..., None], step) / known for image in (colours, under))
-    logs = np.log(np.maximum(ours, 2.0) / np.maximum(theirs, 2.0)).astype(np.float32)
+    logs: Image32 = np.log(np.maximum(ours, 2.0) / np.maximum(theirs, 2.0)).astype(np.float32)
     # Lips and brows of the two do not lie on each other: differences of detail are no differences of tone.
     if (weights > 0.5).any():
         low, high = np.quantile(logs[weights > 0.5], (0.05, 0.95), axis=0).astype(np.float32)
-        logs = np.clip(logs, low, high)
-    filled = _pulled_and_pushed(logs, np.minimum(weights, 1.0))
+        logs = np.clip(logs, low, high).astype(np.float32)
+    filled = _pulled_and_pushed(logs, np.minimum(weights, 1.0).astype(np.float32))
     zoom = ndimage.zoom(filled, (step, step, 1), order=1, grid_mode=True, mode="nearest")
     factors: Image32 = np.clip(np.exp(zoom), *_FACTORS).astype(np.float32)
     return factors
@@ -156,7 +175,8 @@ def _pulled_and_pushed(values: Image32, weights: Image32) -> Image32:
         return values
     sums = _reduced(values * weights[..., None], 2)
     shares = _reduced(weights[..., None], 2)
-    coarse = _pulled_and_pushed(sums / np.maximum(shares, 1e-6), np.minimum(1.0, 4.0 * shares[..., 0]))
+    means: Image32 = (sums / np.maximum(shares, 1e-6)).astype(np.float32)
+    coarse = _pulled_and_pushed(means, np.minimum(1.0, 4.0 * shares[..., 0]).astype(np.float32))
     wide = ndimage.zoom(coarse, (2, 2, 1), order=1, grid_mode=True, mode="nearest")
     opacity = weights[..., None]
     result: Image32 = opacity * values + (1.0 - opacity) * wide

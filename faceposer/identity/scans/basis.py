@@ -25,15 +25,15 @@ Mask = NDArray[np.bool_]
 #: lids are often closed.
 EXPRESSIONS = {
     **dict.fromkeys(("eyeBlinkLeft", "eyeBlinkRight"), 0.5),
+    **dict.fromkeys(("mouthSmileLeft", "mouthSmileRight"), 0.25),
+    "jawOpen": 0.15,
+    **dict.fromkeys(("browInnerUpLeft", "browInnerUpRight", "browOuterUpLeft", "browOuterUpRight"), 0.06),
+    **dict.fromkeys(("browDownLeft", "browDownRight", "mouthFrownLeft", "mouthFrownRight"), 0.05),
     **dict.fromkeys(("eyeWideLeft", "eyeWideRight", "eyeSquintLeft", "eyeSquintRight"), 0.05),
-    "jawOpen": 0.12,
-    **dict.fromkeys(("jawForward", "jawLeft", "jawRight"), 0.03),
-    **dict.fromkeys(("mouthSmileLeft", "mouthSmileRight"), 0.12),
-    **dict.fromkeys(("mouthFrownLeft", "mouthFrownRight", "mouthPucker", "mouthFunnel"), 0.06),
-    **dict.fromkeys(("mouthStretchLeft", "mouthStretchRight", "mouthLowerDownLeft", "mouthLowerDownRight"), 0.05),
-    **dict.fromkeys(("mouthUpperUpLeft", "mouthUpperUpRight", "mouthLeft", "mouthRight"), 0.05),
-    **dict.fromkeys(("browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft", "browOuterUpRight"), 0.06),
-    **dict.fromkeys(("cheekPuff", "noseSneerLeft", "noseSneerRight"), 0.04),
+    **dict.fromkeys(("mouthLowerDownLeft", "mouthLowerDownRight", "noseSneerLeft", "noseSneerRight"), 0.04),
+    **dict.fromkeys(("mouthUpperUpLeft", "mouthUpperUpRight", "mouthStretchLeft", "mouthStretchRight"), 0.05),
+    **dict.fromkeys(("mouthPucker", "mouthFunnel", "cheekPuffLeft", "cheekPuffRight"), 0.03),
+    **dict.fromkeys(("mouthLeft", "mouthRight", "jawForward", "jawLeft", "jawRight"), 0.03),
 }
 # Trust in a scan's surface by region of the head: hair covers the scalp, clothes the neck, lids move.
 _TRUST = {

@@ -45,8 +45,8 @@ _LEAST_COSINE = 0.7
 _LEAST_USED = 0.05
 # Deviations τ of the coefficients of segments from those of the whole head, in standard deviations.
 _LOCAL = 0.4
-# Rate of the exponential prior of the weights of expressions, in their means.
-_RATE = 5.0
+# Rate of the exponential prior of the weights of expressions, as a multiple of the inverse of their means.
+_RATE = 1.0
 # Sweeps of the coordinate descent, and the change of a weight at which it ends.
 _SWEEPS, _SETTLED = 500, 1e-5
 
@@ -79,7 +79,7 @@ STAGES = (
     Stage(3, 0.2, None, 0.35),
     Stage(6, 0.4, 0.2, 0.4, (2.0, 1.0)),
     Stage(6, 1.0, 0.08, 0.5, (1.0, 0.6)),
-    Stage(6, 1.0, 0.04, 0.8, (0.6, 0.4), expressions=False),
+    Stage(6, 1.0, 0.04, 0.8, (0.6, 0.4)),
     Stage(10, 1.0, 0.008, 0.8, (0.4, 0.3), expressions=False),
     Stage(4, 1.0, 0.012, 0.8, (0.3, 0.3), expressions=False, segments=True),
 )

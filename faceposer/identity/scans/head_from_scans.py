@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mesh import TriangleMesh
+from faceposer.geometry.mesh_io import MESH_SUFFIXES
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.scans.baking import Layer, baked_layer, blended, has_colours
@@ -113,6 +114,8 @@ def read_scan(path: str, landmarks: ScanLandmarks | None = None) -> Scan:
     Raises:
         FacePoserError: If it cannot be read, has no surface or too many vertices.
     """
+    if Path(path).suffix.lower() not in MESH_SUFFIXES:
+        raise FacePoserError(f"'{path}' is not a mesh; choose a scan of type {', '.join(MESH_SUFFIXES)}.")
     mesh = read_painted(path)
     if len(mesh.vertices) > _MOST_VERTICES:
         raise FacePoserError(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
+from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json
 from faceposer.geometry.alignment import determines_rotation
 from faceposer.identity.registration import align
 from faceposer.identity.scans.scan import ScanLandmarks
@@ -29,7 +29,7 @@ _MOVED = 0.1
 _Place = Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
 
 
-class _Feature(JsonDocument):
+class _Feature(JsonObject):
     place: _Place
     title: str | msgspec.UnsetType = msgspec.UNSET
     vertex: int | msgspec.UnsetType = msgspec.UNSET
@@ -38,7 +38,7 @@ class _Feature(JsonDocument):
 
 class _LandmarksFile(JsonDocument):
     points: Annotated[list[_Place | None], msgspec.Meta(min_length=N_POINTS, max_length=N_POINTS)]
-    feature_points: dict[str, _Feature] = {}
+    feature_points: dict[str, _Feature] = msgspec.field(default_factory=dict)
     spread: list[float | None] | msgspec.UnsetType = msgspec.UNSET
     source: str | msgspec.UnsetType = msgspec.UNSET
     kind: str | msgspec.UnsetType = msgspec.UNSET
@@ -59,16 +59,16 @@ def read_scan_landmarks(path: Path) -> ScanLandmarks:
 def _landmarks_of(data: Any) -> ScanLandmarks:
     check_header(data, FORMAT, VERSION)
     if isinstance(data, Mapping) and data.get("kind") != "mesh":
-        raise FacePoserError("it has the landmarks of a photo; make it with 'faceposer landmarks' of the scan")
+        raise FacePoserError("it has the landmarks of a photo; make it with 'faceposer landmarks' of the scan.")
     content = convert(data, _LandmarksFile)
     points = np.array([[np.nan] * 3 if place is None else place for place in content.points], dtype=np.float64)
     spread = np.zeros(N_POINTS)
     if isinstance(content.spread, list) and len(content.spread) == N_POINTS:
         spread = np.array([0.0 if value is None else max(value, 0.0) for value in content.spread])
     features = {name: np.array(feature.place) for name, feature in content.feature_points.items()}
-    known = np.isfinite(points).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
     if not determines_rotation(points[known]):
-        raise FacePoserError("it has fewer than three points that are not on a line; find the landmarks again")
+        raise FacePoserError("it has fewer than three points that are not on a line; find the landmarks again.")
     return ScanLandmarks(points, spread, _moved(points, spread, known, features))
 
 
@@ -94,10 +94,10 @@ def implied_features(landmarks: ScanLandmarks, names: Iterable[str]) -> dict[str
     if not listed:
         return {}
     points = landmarks.points
-    known = np.isfinite(points).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
     frame = align(points[known], reference().places[known])
     nothing = PaintedMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
     pupils = np.full((2, 3), np.nan)
-    found = MeshLandmarks(nothing, points, known.astype(np.int64), landmarks.spread, pupils, 1.0, frame, ())
+    found = MeshLandmarks(nothing, points, np.asarray(known, dtype=np.int64), landmarks.spread, pupils, 1.0, frame, ())
     places = bent(found, man.vertices[[man.feature_points[name] for name in listed]].astype(np.float64))
     return dict(zip(listed, places, strict=True))

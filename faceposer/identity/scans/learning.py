@@ -150,6 +150,20 @@ def learning_rounds(
         yield LearnedModel(model, heads)
 
 
+def learn_model(
+    scans: Sequence[Scan],
+    start: IdentityModel,
+    rounds: int = 3,
+    n_modes: int | None = None,
+    from_mean: bool = False,
+    mapper: Mapper = map,
+    progress: Progress | None = None,
+) -> LearnedModel:
+    """Return the last model of `learning_rounds`, whose arguments these are."""
+    *_, last = learning_rounds(scans, start, max(rounds, 1), n_modes, from_mean, mapper, progress)
+    return last
+
+
 def aligned_heads(heads: Array, weights: Array) -> Array:
     """Return ``heads``, (m, N, 3), moved and scaled to their mean, by vertices with ``weights``, shape (N,)."""
     result = heads

@@ -15,7 +15,7 @@ from faceposer.gui.features.head.lines import Line
 from faceposer.gui.features.head.panel import HeadPanel
 from faceposer.gui.features.head.variations import Variations
 from faceposer.gui.widgets.dialogs import TextQuestion
-from faceposer.identity.identity import Identity
+from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.model.character_file import load_character, save_character
 from faceposer.progress import Progress
 from faceposer.session.character_library import LONGEST_TITLE
@@ -72,6 +72,7 @@ class HeadFeature(Feature):
         self._measured: tuple[Identity | None, dict[str, float]] = (None, {})
         self._original: tuple[HeadEditor | None, dict[str, float]] = (None, {})
         self._others: dict[str, Identity] = {}
+        self._own_skin: tuple[HeadEditor, SkinTexture] | None = None
 
     # Called by the window
 
@@ -307,8 +308,25 @@ class HeadFeature(Feature):
         if self.other not in self._others:
             from faceposer.identity.editing import head_editor
 
-            self._others[self.other] = head_editor(load_character(self.other)).own
+            editor = head_editor(load_character(self.other))
+            self._others[self.other] = replace(editor.own, texture=editor.own_texture())
         return self._others[self.other]
+
+    def mixed(self, start: Identity, end: Identity, share: float) -> Identity:
+        """Return the head at ``share`` from ``start`` to the other character's, ``end``; skins are mixed, too."""
+        if share <= 0.0:
+            return start
+        if start.texture is None:
+            start = replace(start, texture=self._own_texture)
+        return start.mixed(end, share)
+
+    @property
+    def _own_texture(self) -> SkinTexture:
+        """The skin of the model that is most like the character's own."""
+        editor = self.require_editor()
+        if self._own_skin is None or self._own_skin[0] is not editor:
+            self._own_skin = (editor, editor.own_texture())
+        return self._own_skin[1]
 
     # Characters
 

@@ -168,7 +168,7 @@ class HeadPanel:
             start = before if head.mixture is None else head.mixture.start
             end = head.other_head()
             assert end is not None
-            result = start.mixed(end, percent / 100.0)
+            result = head.mixed(start, end, percent / 100.0)
             head.mixture = Line(start, end, percent / 100.0, result)
             return result
 

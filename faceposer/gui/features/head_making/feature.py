@@ -184,8 +184,8 @@ class HeadMakingFeature(Feature, Generic[M, H]):
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entry of the File menu."""
-        help_ = "Make a character of 3D scans of a person's head"
-        return (Action("scan", "Head from scan...", "File", self.show, (), lambda: not self.context.busy, help=help_),)
+        name, label, help_ = self.words.action
+        return (Action(name, label, "File", self.show, (), lambda: not self.context.busy, help=help_),)
 
     def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
         """Draw the dialog, if it is open, with file dialogs above it."""

@@ -131,6 +131,7 @@ def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progr
     shown = title or "Head"
     made = head_from_photos(
         [one.face for one in found],
+        [one.pixels for one in found],
         [str(one.path) for one in found],
         name=file_stem(shown),
         title=shown,

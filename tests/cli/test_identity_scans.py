@@ -1,0 +1,92 @@
+"""``faceposer identity fit`` and ``learn``: characters and models of scans, or one sentence."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from faceposer.identity.scans.basis import HeadBasis
+from faceposer.identity.scans.head_from_scans import shipped_basis
+from faceposer.model.character_file import load_character
+from tests.command_line import run_captured
+
+Capture = pytest.CaptureFixture[str]
+SHRUNK = 0.1
+
+
+@pytest.fixture(scope="module")
+def basis() -> HeadBasis:
+    """Return the basis of the shipped model."""
+    return shipped_basis()
+
+
+@pytest.fixture
+def scan(tmp_path: Path, basis: HeadBasis) -> Path:
+    """A scan of the mean head, in decimetres, with colours."""
+    path = tmp_path / "scan.obj"
+    rows = np.hstack([SHRUNK * basis.mean, np.tile([0.8, 0.5, 0.4], (len(basis.mean), 1))])
+    lines = ["v " + " ".join(f"{value:.5f}" for value in row) for row in rows]
+    lines += ["f " + " ".join(map(str, row)) for row in (basis.triangles + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture
+def landmarks(tmp_path: Path, basis: HeadBasis) -> Path:
+    """Its landmarks."""
+    path = tmp_path / "points.json"
+    places = basis.landmarks.positions(basis.mean, basis.triangles)
+    data = {"format": "faceposer.landmarks", "version": 1, "kind": "mesh", "points": (SHRUNK * places).tolist()}
+    path.write_text(json.dumps(data))
+    return path
+
+
+def test_a_scan_becomes_a_character(
+    scan: Path, landmarks: Path, tmp_path: Path, capsys: Capture, basis: HeadBasis
+) -> None:
+    out, report, picture = tmp_path / "me.npz", tmp_path / "r.json", tmp_path / "d.png"
+    words = ["identity", "fit", scan, "-o", out, "--landmarks", landmarks, "--report", report, "--no-detail"]
+    status, said, errors = run_captured(capsys, *words, "--distance-map", picture, "--title", "Me")
+    assert (status, errors) == (0, "")
+    assert "100% of the face on the scan" in said
+    character = load_character(str(out))
+    assert character.title == "Me"
+    skin = character.vertices[: len(basis.mean)]
+    assert 10.0 * np.linalg.norm(skin - basis.mean, axis=1)[basis.trust > 0.9].mean() < 0.5
+    assert character.textures["skin"] != load_character("man").textures["skin"]
+    data = json.loads(report.read_text())
+    assert data["surface_mm_median"] < 0.1
+    assert data["scans"][0]["unit_cm"] == pytest.approx(1.0 / SHRUNK, rel=0.01)
+    assert data["likelihood"] > 0.9
+    with Image.open(picture) as image:
+        assert image.width == 3 * 640
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("fit", "scan.txt", "-o", "me.npz"), "is not a mesh"),
+        (("fit", "missing.obj", "-o", "me.npz"), "cannot be read"),
+        (
+            ("fit", "a.obj", "b.obj", "-o", "me.npz", "--landmarks", "p.json"),
+            "--landmarks is given for 1 of 2 scans",
+        ),
+        (("fit", "a.obj", "-o", "me.obj"), "me.obj"),
+        (("learn", ".", "-o", "model.npz"), "needs at least 3 scans"),
+        (("learn", "nowhere", "-o", "model.npz"), "is not a folder"),
+        (("learn", ".", "-o", "model.npz", "--rounds", "0"), "not a whole number from 1"),
+    ],
+)
+def test_bad_input_gets_one_sentence(
+    words: tuple[str, ...], message: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if "scan.txt" in words:
+        Path("scan.txt").write_text("no")
+    status, _, errors = run_captured(capsys, "identity", *words)
+    assert status == 2
+    assert message in errors
+    assert errors.count("\n") == 1
+    assert not Path(words[words.index("-o") + 1]).exists()

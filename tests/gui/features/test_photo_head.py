@@ -1,0 +1,120 @@
+"""Heads and expressions of photos in the window, driven by pointer and keys."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from faceposer.geometry.camera import OrbitView
+from faceposer.gui.features.photo.feature import PhotoFeature
+from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.landmarks.drawing import draw
+from faceposer.landmarks.painting import painted_character
+from faceposer.model.face_model import FaceModel
+from tests.windows import OpenWindow
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.fixture(scope="module")
+def photo(woman: FaceModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A picture of the woman, who smiles with open mouth."""
+    pose = woman.coefficients_of({"jawOpen": 0.35, "mouthSmileLeft": 0.8, "mouthSmileRight": 0.8})
+    picture = draw(
+        painted_character(woman.character, woman.surface(pose)), OrbitView((0.0, 1.0, 2.0), 0.1, 0.0).camera((480, 480))
+    )
+    path = tmp_path_factory.mktemp("photos") / "jane_doe.png"
+    Image.fromarray(picture.image).save(path)
+    return path
+
+
+def page(robot: Robot) -> str:
+    return robot.app.features[PhotoHeadFeature].page
+
+
+def finish(robot: Robot) -> None:
+    job = robot.app.features[PhotoHeadFeature].job
+    if job is not None:
+        job.join()
+    robot.frames(3)
+
+
+def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow, photo: Path) -> None:
+    robot = open_window("low", (1000, 800), pictures=False)
+    state = robot.app.features[PhotoHeadFeature]
+    robot.app.actions["photo-head"].run()
+    robot.frames(2)
+    state.add(photo)
+    robot.frames(2)
+    assert state.title == "Jane Doe"
+    robot.click_widget("photo-head:find")
+    finish(robot)
+    assert page(robot) == "landmarks"
+    before = state.marked[0]
+
+    left, top, right, _ = robot.app.widget_rects["photo-head:picture"]
+    factor = (right - left) / before.image.shape[1]
+    u, v = before.pixels["8.3"]
+    begin = (left + factor * u, top + factor * v)
+    robot.drag(begin, (begin[0] + 10.0, begin[1]))
+    robot.frames(2)
+    moved = state.marked[0]
+    assert moved.moved == {"8.3"}
+    shift = moved.with_landmarks().face.landmarks.points - before.found.face.landmarks.points
+    near = np.linalg.norm(shift[:, :2], axis=1)
+    assert near.max() > 5.0 * np.median(near)
+
+    robot.click_widget("photo-head:fit")
+    finish(robot)
+    assert page(robot) == "result"
+    assert state.error == ""
+    robot.click_widget("photo-head:open")
+    robot.frames(4)
+    session = robot.app.session
+    assert session.model.character.title == "Jane Doe"
+    assert Path(session.document.photos[0].path) == photo
+    assert session.dirty
+    weights = dict(
+        zip(session.model.character.shape_names, session.model.weights_of(session.coefficients), strict=True)
+    )
+    assert weights["mouthSmileLeft"] > 0.2
+    assert robot.app.features[PhotoFeature].aligned
+
+
+def test_photos_without_a_face_are_refused(open_window: OpenWindow, tmp_path: Path) -> None:
+    robot = open_window("low", (1000, 800), pictures=False)
+    state = robot.app.features[PhotoHeadFeature]
+    grey = tmp_path / "grey.png"
+    Image.fromarray(np.full((200, 300, 3), 128, dtype=np.uint8)).save(grey)
+    robot.app.actions["photo-head"].run()
+    robot.frames(2)
+    state.add(grey)
+    robot.frames(2)
+    robot.click_widget("photo-head:find")
+    finish(robot)
+    assert page(robot) == "form"
+    assert "No face was found" in state.error
+
+
+def test_an_expression_is_taken_in_one_click(open_window: OpenWindow, photo: Path) -> None:
+    robot = open_window("man", (1000, 800), pictures=False)
+    photos = robot.app.features[PhotoFeature]
+    photos.open(photo)
+    robot.frames(2)
+    robot.click_widget("tab:Photo")
+    robot.frames(2)
+    robot.click_widget("photo-expression")
+    photos.expression.join()
+    robot.frames(3)
+    session = robot.app.session
+    weights = dict(
+        zip(session.model.character.shape_names, session.model.weights_of(session.coefficients), strict=True)
+    )
+    assert weights["mouthSmileLeft"] > 0.2
+    assert weights["jawOpen"] > 0.1
+    assert session.undo_label == "Take the expression"
+    assert photos.aligned
+    robot.key("Ctrl+Z")
+    assert not session.coefficients.any()
