@@ -119,8 +119,14 @@ class TransferFeature(Feature):
     def choose_method(self, method: Method) -> None:
         """Choose how expressions are transferred; the key poses of the last run are opened when they are needed."""
         self.method = method
-        if method == "examples":
-            self.by_keys.opened.open_last()
+        if method != "examples":
+            return
+        opened = self.by_keys.opened
+        opened.open_last()
+        keys = opened.transferable
+        if keys is not None and keys.is_of("source", self.context.session.model):
+            target = keys.folder.character("target")
+            self.to = target if target in dict(self.characters) else self.to
 
     def new_keys(self) -> None:
         """Ask for a new folder of key poses for the chosen target, in another dialog, and come back to this one."""
