@@ -15,12 +15,14 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
+from faceposer.animation.keyframes import Keyframes
 from faceposer.gui.app import App
 from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.head.feature import HeadFeature
 from faceposer.gui.features.head_making.feature import HeadMakingFeature, MadeHead
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
 from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
@@ -31,7 +33,9 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Question
 from faceposer.interchange.formats import FORMATS
 from faceposer.model.character_file import load_character, save_character
+from faceposer.model.performance import Performance
 from faceposer.poses.pose_file import Pose, write_pose
+from faceposer.session.key_proposals import create_keys
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
 
@@ -274,6 +278,50 @@ def visit_transfer(robot: Robot) -> None:
     robot.frames(2)
 
 
+def visit_keys(robot: Robot, folder: Path) -> None:
+    """Show the strip of key poses empty and full, its menus and dialogs, and the method "examples" of the transfer."""
+    app = robot.app
+    keys = app.features[KeysFeature]
+
+    def finish() -> None:
+        for _ in range(3):
+            keys.join()
+            robot.frames(3)
+
+    app.actions["key-poses"].run()
+    robot.frames(2)
+    robot.click_widget("keys:menu")
+    robot.click_widget("menu:keys-new")
+    robot.click_widget("keys-new:to")
+    robot.click_widget("keys-new:to:low")
+    robot.key("Esc")
+    app.actions["transfer"].run()
+    robot.frames(4)
+    robot.click_widget("transfer:method:2")
+    robot.frames(2)
+    keys.opened.open(create_keys(folder / "pairs", "man", "woman").folder)
+    finish()
+    robot.key("Esc")
+    poses = np.zeros((3, app.session.model.n_coefficients))
+    poses[1, 0] = 0.1
+    app.feature(TimelineFeature).change(Keyframes.of_performance(Performance(poses, 30.0)), "Take")
+    robot.frames(2)
+    robot.click(app.widget_rects.center("key:anger:target"), "right")
+    robot.frames(2)
+    robot.key("Esc")
+    app.actions["keys-importance-source"].run()
+    finish()
+    robot.key("Esc")
+    robot.click_widget("key:anger:source")
+    robot.click_widget("choice:1")
+    robot.frames(2)
+    robot.click_widget("keys-back")
+    robot.frames(2)
+    robot.key("Ctrl+Z")
+    robot.click_widget("keys:close")
+    robot.frames(2)
+
+
 def visit_import(robot: Robot, folder: Path) -> None:
     app = robot.app
     importing = app.features[ImportCharacterFeature]
@@ -447,6 +495,7 @@ def test_every_widget_of_every_state_has_an_id_of_its_own(robot: Robot, ids: Wid
     visit_files(robot, tmp_path)
     visit_dialogs(robot)
     visit_transfer(robot)
+    visit_keys(robot, tmp_path)
     visit_import(robot, tmp_path)
     visit_head(robot)
     visit_head_making(robot, tmp_path)
