@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Make the images of the window with an animation, the export dialog and the pose library.
+"""Make the images of the window with an animation, the export dialog, the pose library and key poses.
 
-    python scripts/window_pictures.py        # into docs/images: timeline.jpg, export.jpg, film.jpg, pose-library.jpg
+    python scripts/window_pictures.py
+
+The images timeline.jpg, export.jpg, film.jpg, pose-library.jpg and key-poses.jpg are written to docs/images.
 
 A scripted user operates the real program without a display: it draws three paths over the woman's face, solves for the
 animation and exports it as a video.
@@ -24,16 +26,27 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from faceposer.animation.keyframes import Keyframes
 from faceposer.gui.app import App
 from faceposer.gui.features.export.feature import ExportFeature
+from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import Settings
 from faceposer.gui.testing.scripted_user import Robot
+from faceposer.session.key_proposals import create_keys
 
-WINDOW = (1280, 820)
+WINDOW, KEYS_WINDOW = (1280, 820), (1280, 900)
 LEFT_CORNER, RIGHT_CORNER, CHIN = "8.3", "8.4", "2.1"
 VIDEO_FRAMES = 6
+# Weights of the man at key frames; the sneer and the puffed cheeks are in no key pose.
+ANIMATION: dict[int, dict[str, float]] = {
+    0: {},
+    30: {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8, "cheekSquintLeft": 0.5, "cheekSquintRight": 0.5},
+    60: {"jawOpen": 0.5, "browInnerUp": 0.8, "eyeWideLeft": 0.6, "eyeWideRight": 0.6},
+    90: {"cheekPuff": 0.8, "noseSneerLeft": 0.7, "mouthLeft": 0.5},
+    120: {},
+}
 
 
 def draw_smile(robot: Robot) -> None:
@@ -73,6 +86,29 @@ def save_video(robot: Robot, folder: Path, path: Path) -> None:
     print(path)
 
 
+def save_key_poses(folder: Path, path: Path) -> None:
+    """Write an image of the window with key poses of man and goblin, and an animation that they cover in part."""
+    keys = create_keys(folder / "man-goblin", "man", "creature")
+    settings = Settings(window_size=KEYS_WINDOW, folder=str(folder), keys_folder=str(keys.folder), welcome_done=True)
+    app = App("man", hidden=True, threaded=False, settings=settings)
+    robot = Robot(app)
+    model = app.session.model
+    keyframes = Keyframes(length=max(ANIMATION) + 1)
+    for frame, weights in ANIMATION.items():
+        keyframes = keyframes.with_key(frame, model.coefficients_of(weights))
+    timeline = app.features[TimelineFeature]
+    timeline.change(keyframes, "Animation")
+    timeline.go_to(30)
+    feature = app.features[KeysFeature]
+    app.actions["key-poses"].run()
+    while feature.opened.reading or feature.faces.waiting or feature.opened.keys is None:
+        feature.join()
+        robot.frames()
+    robot.frames(40)
+    save_window(robot, path)
+    app.close()
+
+
 def main() -> None:
     """Make all images."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -106,6 +142,7 @@ def main() -> None:
         robot.frames(90)
         save_window(robot, output / "pose-library.jpg")
         app.close()
+        save_key_poses(Path(folder), output / "key-poses.jpg")
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ class Settings:
         folder: Folder of the last opened or saved session, or "".
         welcome_done: True if the guided pose has been shown; False on the first start, without saved settings.
         poses_folder: Folder of the user's poses, or "" for the default.
+        keys_folder: Folder of the key poses that were opened last, or "".
         auto_key: True if a changed pose is keyed automatically, once there is a key.
         range_marks: True if the view shows the range of the point under the pointer.
         expression_lines: True if expression lines are drawn.
@@ -54,6 +55,7 @@ class Settings:
     folder: str = ""
     welcome_done: bool = True
     poses_folder: str = ""
+    keys_folder: str = ""
     auto_key: bool = True
     range_marks: bool = True
     expression_lines: bool = True

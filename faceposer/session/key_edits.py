@@ -1,23 +1,25 @@
 """Additions of pairs to a folder of keys, from files and from the frames of an animation."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.files.atomic import atomic_file
 from faceposer.interchange.reading import MESHES, read_performance, read_pose
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import pose_of
 from faceposer.poses.library import safe_stem
-from faceposer.poses.pose_file import Pose, checked_name
+from faceposer.poses.pose_file import Pose, checked_name, write_pose
 from faceposer.poses.pose_file import read_pose as read_pose_file
 from faceposer.progress import Progress
 from faceposer.session.file_kinds import kind_of
-from faceposer.session.key_folder import KeyFolder
-from faceposer.session.key_proposals import Proposal, make_proposer, proposed
+from faceposer.session.key_folder import SIDES, KeyFolder, Side
+from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
 from faceposer.session.keys import key_displacements, load_keys
 from faceposer.session.opening import load_model, open_session
 from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
@@ -67,6 +69,82 @@ def add_key(
         raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give a mesh, not '{target}'.")
     answer, _ = _pose_in(target, load_model(folder.character("target")), pose.name, 0)
     return folder.add(pose, answer, replaces), note
+
+
+def add_key_pose(
+    folder: KeyFolder, pose: Pose, replaces: bool = False, proposal: Proposal = "auto", progress: Progress | None = None
+) -> str:
+    """Add the ``pose`` of the source with a proposal for the target, and return the name of the pair's files.
+
+    A target that is a mesh without shapes gets no proposal: its key is left to the artist.
+
+    Raises:
+        FacePoserError: If the name is taken and ``replaces`` is False, or a file cannot be written.
+    """
+    name = safe_stem(checked_name(pose.name))
+    if not replaces and name in {entry.name for entry in folder.entries()}:
+        raise FacePoserError(f"'{folder.folder}' already has a key '{name}'; choose another name, or replace it.")
+    answer = None
+    if not folder.is_mesh:
+        model, target = load_model(folder.character("source")), load_model(folder.character("target"))
+        (progress or Progress()).at("Proposing the target's pose")
+        answer = proposed(model, target, make_proposer(model, target, proposal), pose)
+        (progress or Progress()).check()
+    return folder.add(pose, answer, replaces)
+
+
+def propose_again(folder: KeyFolder, name: str, proposal: Proposal = "auto") -> None:
+    """Replace the target's pose of the key ``name`` by a proposal for the source's.
+
+    Raises:
+        FacePoserError: If the key is missing or a mesh, or a file cannot be written.
+    """
+    source = _editable(folder, name, "source")
+    if not paths.is_file(source):
+        raise FacePoserError(f"The key '{name}' has no source in '{source.parent}'; save a pose there first.")
+    path = _editable(folder, name, "target")
+    model, target = load_model(folder.character("source")), load_model(folder.character("target"))
+    pose = read_pose_file(source)
+    write_pose(path, proposed(model, target, make_proposer(model, target, proposal), pose))
+
+
+def save_key(folder: KeyFolder, name: str, side: Side, model: FaceModel, coefficients: Array) -> None:
+    """Write a pose of a character as its side of the key ``name``; it is then no proposal any more.
+
+    Args:
+        folder: The folder.
+        name: Name of the key's files.
+        side: Side that is replaced.
+        model: Model of the pose.
+        coefficients: The pose, shape (r,).
+
+    Raises:
+        FacePoserError: If the key is missing or a mesh, or the file cannot be written.
+    """
+    path = _editable(folder, name, side)
+    old = Pose(name)
+    for other in (path, *(folder.folder / side_ / f"{name}.json" for side_ in SIDES)):
+        if paths.is_file(other):
+            old = read_pose_file(other)
+            break
+    kept = tuple(tag for tag in old.tags if tag != PROPOSED)
+    note = "" if PROPOSED in old.tags else old.note
+    write_pose(path, replace(pose_of(model, coefficients, old.name, kept), note=note))
+
+
+def _editable(folder: KeyFolder, name: str, side: Side) -> Path:
+    """Return the pose file of one side of the key ``name``, which need not exist yet."""
+    entry = next((entry for entry in folder.entries() if entry.name == name), None)
+    if entry is None:
+        raise FacePoserError(f"'{folder.folder}' has no key '{name}' any more.")
+    path: Path | None = getattr(entry, side)
+    if path is not None and path.suffix.lower() in MESHES:
+        raise FacePoserError(f"The key '{path}' is a mesh; change it in the program in which it was sculpted.")
+    if side == "target" and folder.is_mesh:
+        raise FacePoserError(
+            f"The target of '{folder.folder}' is a mesh without shapes; sculpt its keys in another program."
+        )
+    return folder.folder / side / f"{name}.json"
 
 
 def _pose_in(path: Path, model: FaceModel, name: str, frame: int) -> tuple[Pose, str]:

@@ -64,7 +64,7 @@ def load_keys(
     files = folder.pairs()
     if not files:
         raise FacePoserError(f"'{folder.folder}' has no keys; add pairs of poses, or create the folder with keys init.")
-    sources = [_coefficients(_path(entry.source), source)[0] for entry in files]
+    sources = [key_pose(_path(entry.source), source)[0] for entry in files]
     rest, target, errors = _targets(folder, files, form)
     transfer = ExampleTransfer(
         source,
@@ -89,8 +89,12 @@ def _path(path: Path | None) -> Path:
     return path
 
 
-def _coefficients(path: Path, model: FaceModel) -> tuple[Array, float]:
-    """Return the coefficients of the pose or mesh ``path``, and the largest distance of a vertex from it."""
+def key_pose(path: Path, model: FaceModel) -> tuple[Array, float]:
+    """Return the coefficients of the pose or mesh ``path``, and the largest distance of a vertex from it.
+
+    Raises:
+        FacePoserError: If the file cannot be used; the message names it.
+    """
     try:
         if path.suffix.lower() == ".json":
             return applied(model, model.neutral(), read_pose(path)), 0.0
@@ -116,7 +120,7 @@ def _targets(folder: KeyFolder, files: list[KeyFiles], form: Form) -> tuple[list
     for entry in files:
         if form == "meshes":
             break
-        coefficients, error = _coefficients(_path(entry.target), model)
+        coefficients, error = key_pose(_path(entry.target), model)
         found.append(coefficients)
         if error > _EXACT:
             errors[entry.name] = error
@@ -136,7 +140,7 @@ def _meshes(
         if path.suffix.lower() != ".json":
             displacements.append(key_displacements(path, character))
         elif model is not None:
-            coefficients, _ = _coefficients(path, model)
+            coefficients, _ = key_pose(path, model)
             displacements.append((model.instance(coefficients) - character.vertices).astype(np.float64))
         else:
             raise FacePoserError(

@@ -26,6 +26,10 @@ class SavedState:
         """Treat every document as changed until the next save."""
         self._document = None
 
+    def mark_saved(self, document: Document) -> None:
+        """Treat ``document`` as saved: what it shows was written elsewhere, such as to a file of a pose."""
+        self._document = document
+
     def changed_on_disk(self, path: Path) -> bool:
         """Return True if the file ``path`` has another content than when it was opened or last saved here."""
         content = content_of(path)

@@ -384,6 +384,11 @@ class Session(SettingEdits, HeadEdits):
         self._saved.mark_unsaved()
         self.revision += 1
 
+    def mark_saved(self) -> None:
+        """Mark the document as saved: its pose was written elsewhere, such as to a pose file."""
+        self._saved.mark_saved(self._document)
+        self.revision += 1
+
     def close(self) -> None:
         """Stop the worker."""
         self.worker.close()

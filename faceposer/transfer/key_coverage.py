@@ -16,6 +16,9 @@ from faceposer.transfer.key_parameters import Regions, parameter_points, point_r
 
 Array = NDArray[np.float64]
 
+#: Distance of a frame from all keys, as a share of the height of the head, above which it is outside of them; and the
+#: same for its strengths.
+OUTSIDE, STRONG = 0.005, 3.0
 # Frames that are chosen before the directions of the keys are found anew.
 _ROUND = 16
 # Residuals below this share of the motion are rounding errors.
@@ -64,6 +67,20 @@ def coverage(transfer: ExampleTransfer, poses: Array) -> Coverage:
     count = sum(block.shape[1] for block in moved) / 3.0
     strengths = np.max([np.abs(weights[:, 1:]).max(axis=1) for weights in transfer.weights(poses)], axis=0)
     return Coverage(_lengths(missed, count), _lengths(moved, count), strengths)
+
+
+def reach_of(transfer: ExampleTransfer, pose: Array) -> tuple[float, str]:
+    """Return the distance of the source's ``pose``, (r,), from the keys, in its unit, and a sentence if it is large."""
+    found = coverage(transfer, pose[None])
+    distance, strength = float(found.distances[0]), float(found.strengths[0])
+    if distance > OUTSIDE * transfer.source.character.height:
+        return distance, (
+            f"The pose is outside the keys: its feature points are {10.0 * distance:.1f} mm from the nearest "
+            "combination of keys; a key like it would help."
+        )
+    if strength > STRONG:
+        return distance, f"The pose exaggerates a key {strength:.1f} times; a stronger key would help."
+    return distance, ""
 
 
 def helpful_frames(

@@ -12,6 +12,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.guide.feature import GuideFeature
     from faceposer.gui.features.head.feature import HeadFeature
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+    from faceposer.gui.features.keys.feature import KeysFeature
     from faceposer.gui.features.photo.feature import PhotoFeature
     from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
     from faceposer.gui.features.poses.feature import PosesFeature
@@ -31,6 +32,7 @@ def build_features(context: EditorContext) -> Features:
         TimelineFeature,
         TrajectoriesFeature,
         AnimationFilesFeature,
+        KeysFeature,
         TransferFeature,
         ImportCharacterFeature,
         ScanFeature,

@@ -14,6 +14,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.pictures import image_texture
 from faceposer.poses.portrait import portrait_view
+from faceposer.render.scene import Scene
 
 # Supersampling factor each way; without a GPU this takes half as long as multisampling.
 _SUPERSAMPLING = 2
@@ -30,9 +31,10 @@ Array = NDArray[np.float64]
 class Portraits:
     """Thumbnails as textures, kept until another face is shown."""
 
-    def __init__(self, context: EditorContext) -> None:
-        """Draw with the scene of ``context``."""
+    def __init__(self, context: EditorContext, scene: Callable[[], Scene] | None = None) -> None:
+        """Draw with the ``scene`` of another face, or with that of ``context``."""
         self._context = context
+        self._scene = scene or (lambda: context.scene)
         self._textures: dict[Hashable, moderngl.Texture | None] = {}
         self._pending: dict[Hashable, Callable[[], NDArray[np.uint8] | None]] = {}
         self._discarded: list[moderngl.Texture | None] = []
@@ -50,7 +52,7 @@ class Portraits:
             pose: Callable that returns its coefficients, shape (r,).
             size: Width and height in pixels.
         """
-        drawn = (key, size, self._context.scene.expression_lines)
+        drawn = (key, size, self._scene().expression_lines)
         return self._get(drawn, lambda: self.draw(pose(), size))
 
     def of_file(self, path: Path, stamp: int) -> int | None:
@@ -63,15 +65,13 @@ class Portraits:
 
     def draw(self, coefficients: Array, size: int) -> NDArray[np.uint8]:
         """Return the image of a pose, shape (size, size, 3)."""
-        return _halved(self._context.scene.portrait(coefficients, self._camera(size), 0))
+        return _halved(self._scene().portrait(coefficients, self._camera(size), 0))
 
     def _drawn(self, vertices: NDArray[np.float32], size: int) -> NDArray[np.uint8]:
-        return _halved(self._context.scene.portrait_of(vertices, self._camera(size), 0))
+        return _halved(self._scene().portrait_of(vertices, self._camera(size), 0))
 
     def _camera(self, size: int) -> Camera:
-        return portrait_view(self._context.session.model.character).camera(
-            (_SUPERSAMPLING * size, _SUPERSAMPLING * size)
-        )
+        return portrait_view(self._scene().character).camera((_SUPERSAMPLING * size, _SUPERSAMPLING * size))
 
     def _get(self, key: Hashable, image: Callable[[], NDArray[np.uint8] | None]) -> int | None:
         if key not in self._textures:

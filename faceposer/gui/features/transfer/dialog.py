@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from numpy.typing import NDArray
 
 from faceposer.geometry.camera import OrbitView
+from faceposer.gui.features.transfer.keys_choice import draw_keys_choice
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.basic import caption, choice, wrapped_text
 from faceposer.gui.widgets.file_request import FileRequest
@@ -19,16 +20,18 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
 from faceposer.transfer.pairs import PRESETS
+from faceposer.transfer.transfer import Method
 
 if TYPE_CHECKING:
     from faceposer.gui.features.transfer.feature import TransferFeature
 
 _FORM, _PREVIEW, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 4.6, 14.5, 4.2
-_METHODS = ("distances", "weights")
-_METHOD_LABELS = ("By distances", "By weights")
+_METHODS: tuple[Method, ...] = ("distances", "weights", "examples")
+_METHOD_LABELS = ("By distances", "By weights", "By examples")
 _METHOD_TIPS = (
     "Preserve distances between points of the face, within the range of the target. Works for any two characters.",
     "Copy the weights of ARKit shapes that both characters have.",
+    "Follow pairs of key poses, which say what expressions look like on the target.",
 )
 _PRESETS = (
     ("full", "All", "Use all built-in distances"),
@@ -100,10 +103,13 @@ class TransferDialog:
         tooltip("Choose a character file")
         row_label("Method", "How the expression is transferred", _LABEL)
         chosen = choice(marks, "transfer:method", _METHOD_LABELS, _METHODS.index(state.method), _METHOD_TIPS)
-        state.method = "distances" if chosen == 0 else "weights"
+        if _METHODS[chosen] != state.method:
+            state.choose_method(_METHODS[chosen])
         imgui.dummy((0.0, em(0.2)))
         if state.method == "distances":
             self._draw_list()
+        elif state.method == "examples":
+            draw_keys_choice(state)
         else:
             caption("Each ARKit shape of the target gets the same weight, within the limits of both characters.")
         if state.error:

@@ -11,19 +11,35 @@ from faceposer.files import paths
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
+from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.transfer.dialog import TransferDialog
 from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
 from faceposer.session.document import Document
+from faceposer.session.key_set import KeySet
+from faceposer.session.keys import check_characters
 from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 from faceposer.session.transferred import transferred
+from faceposer.transfer.key_coverage import reach_of
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, read_pairs, write_pairs
 from faceposer.transfer.terms import PairPoints
-from faceposer.transfer.transfer import Method, make_transfer
+from faceposer.transfer.transfer import Method, Transfer, make_transfer
 
 Array = NDArray[np.float64]
+
+
+class _ByKeys:
+    """Transfer by key poses from the source with any head."""
+
+    def __init__(self, keys: KeySet, source: FaceModel) -> None:
+        self._keys, self._source = keys, source
+
+    def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
+        """Return the target's coefficients, shape (r',), for the source's, shape (r,); ``previous`` is not used."""
+        assert self._keys.transfer is not None
+        return self._keys.transfer.pose(self._keys.source_poses(self._source, coefficients[None])[0])
 
 
 class TransferFeature(Feature):
@@ -34,6 +50,7 @@ class TransferFeature(Feature):
         to: Name or path of the target character.
         method: Transfer method.
         pairs: Distances to preserve, edited by the user.
+        reach: Distance of the pose from the keys by which it is transferred, and a remark, one sentence each, or "".
         error: Reason why there is no result, one sentence, or "".
         target: Model of the target character, or None if it cannot be loaded.
         result: Pose of the target, shape (r,), or None.
@@ -49,6 +66,7 @@ class TransferFeature(Feature):
         self.to = ""
         self.method: Method = "distances"
         self.pairs: tuple[Pair, ...] = DEFAULT_PAIRS
+        self.reach = ("", "")
         self.error = ""
         self.target: FaceModel | None = None
         self.result: Array | None = None
@@ -94,7 +112,26 @@ class TransferFeature(Feature):
         if self.to in ("", source):
             self.to = next((name for name, _ in self.characters if name != source), source)
         self.open, self._last_input = True, None
+        if self.method == "examples":
+            self.choose_method("examples")
         context.redraw()
+
+    def choose_method(self, method: Method) -> None:
+        """Choose how expressions are transferred; the key poses of the last run are opened when they are needed."""
+        self.method = method
+        if method != "examples":
+            return
+        opened = self.by_keys.opened
+        opened.open_last()
+        keys = opened.transferable
+        if keys is not None and keys.is_of("source", self.context.session.model):
+            target = keys.folder.character("target")
+            self.to = target if target in dict(self.characters) else self.to
+
+    def new_keys(self) -> None:
+        """Ask for a new folder of key poses for the chosen target, in another dialog, and come back to this one."""
+        self.hide()
+        self.by_keys.ask_for_new(self.to, self.show)
 
     def hide(self) -> None:
         """Close the dialog; its choices are kept."""
@@ -158,22 +195,55 @@ class TransferFeature(Feature):
 
     # Result
 
+    @property
+    def by_keys(self) -> KeysFeature:
+        """The feature with the key poses of the method "examples"."""
+        return self.context.feature(KeysFeature)
+
     def update(self) -> None:
         """Transfer the pose if any input has changed since the last call."""
-        session = self.context.session
-        inputs = (self.to, self.method, self.pairs, session.revision, id(session))
+        session, opened = self.context.session, self.by_keys.opened
+        if self.open and self.method == "examples":
+            opened.read_changes()
+        keys = (opened.keys, opened.error, opened.reading) if self.method == "examples" else ()
+        inputs = (self.to, self.method, self.pairs, keys, session.revision, id(session))
         if inputs == self._last_input:
             return
         self._last_input = inputs
-        self.error, self.result = "", None
+        self.error, self.reach, self.result = "", ("", ""), None
         source, pose = session.model, session.coefficients
         try:
             self.target = load_model(self.to)
-            self.result = make_transfer(source, self.target, self.method, self.pairs).pose(pose)
+            transfer = self._transfer(source, self.target)
+            self.result = None if transfer is None else transfer.pose(pose)
         except FacePoserError as error:
             self.error = str(error)
-        self.lengths = (self._measure(source, pose), self._measure(self.target, self.result))
+        if self.method != "examples":
+            self.lengths = (self._measure(source, pose), self._measure(self.target, self.result))
         self.context.redraw()
+
+    def _transfer(self, source: FaceModel, target: FaceModel) -> Transfer | None:
+        """Return the transfer of the chosen method; None while its keys are missing or being read.
+
+        Raises:
+            FacePoserError: If the characters or the keys do not allow it.
+        """
+        if self.method != "examples":
+            return make_transfer(source, target, self.method, self.pairs)
+        opened = self.by_keys.opened
+        if opened.error:
+            raise FacePoserError(opened.error)
+        keys = opened.keys
+        if keys is None:
+            return None
+        check_characters(keys.folder, source, self.to)
+        if keys.transfer is None:
+            raise FacePoserError(keys.problem)
+        distance, remark = reach_of(
+            keys.transfer, keys.source_poses(source, self.context.session.coefficients[None])[0]
+        )
+        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the keys.", remark or keys.notes)
+        return _ByKeys(keys, source)
 
     def _measure(self, model: FaceModel | None, pose: Array | None) -> list[float | None]:
         """Return the length of each pair in ``pose`` of ``model``, None for pairs that cannot be measured."""
@@ -199,7 +269,9 @@ class TransferFeature(Feature):
             return
         self.hide()
         session = self.context.session
-        transfer = make_transfer(session.model, self.target, self.method, self.pairs)
+        transfer = self._transfer(session.model, self.target)
+        if transfer is None:
+            return
         document = transferred(session.document, session.coefficients, transfer, self.to, self.target)
         self.context.guard_changes(lambda: self._open(document))
 

@@ -1,0 +1,1 @@
+"""Key poses for cloning by examples in the window (docs/transfer.md)."""

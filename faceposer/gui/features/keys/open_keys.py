@@ -1,0 +1,106 @@
+"""The folder of key poses that is open: read in the background, and again when its files change."""
+
+from pathlib import Path
+
+from faceposer.errors import FacePoserError
+from faceposer.files import paths
+from faceposer.gui.context import EditorContext
+from faceposer.session.jobs import ThreadJob
+from faceposer.session.key_set import KeySet, read_key_set, stamp_of
+
+# Seconds between two looks at the files.
+_LOOK_EVERY = 1.0
+
+
+class OpenKeys:
+    """The open folder of keys.
+
+    Attributes:
+        folder: The folder, or None.
+        keys: Its keys as they were read last, or None.
+        error: Why they cannot be read, one sentence, or "".
+    """
+
+    def __init__(self, context: EditorContext) -> None:
+        """Open no folder yet; that of the last run is opened when it is needed."""
+        self._context = context
+        self.folder: Path | None = None
+        self.keys: KeySet | None = None
+        self.error = ""
+        self._job: ThreadJob[KeySet] | None = None
+        self._again = False
+        self._looked = -_LOOK_EVERY
+
+    @property
+    def reading(self) -> bool:
+        """True while the keys are read."""
+        return self._job is not None
+
+    @property
+    def transferable(self) -> KeySet | None:
+        """The keys if they can be used, otherwise None."""
+        return self.keys if self.keys is not None and self.keys.transfer is not None else None
+
+    def open_last(self) -> None:
+        """Open the folder of the last run, if none is open and it still exists."""
+        last = self._context.settings.keys_folder
+        if self.folder is None and last and paths.is_dir(last):
+            self.open(Path(last))
+
+    def open(self, folder: Path) -> None:
+        """Open ``folder``, in the background."""
+        self.folder, self.keys, self.error = paths.resolved(folder), None, ""
+        self._context.settings.keys_folder = str(self.folder)
+        self.read()
+
+    def read(self) -> None:
+        """Read the keys again, in the background."""
+        if self.folder is None:
+            return
+        if self._job is not None:
+            self._again = True
+            return
+        folder = self.folder
+        self._again = False
+        self._job = ThreadJob(lambda progress: read_key_set(folder, progress), self._context.wake)
+        self._context.redraw()
+
+    def read_changes(self) -> None:
+        """Read the keys again if another program has changed a file; looks at most once a second."""
+        now = self._context.clock()
+        if self.folder is None or self.reading or now - self._looked < _LOOK_EVERY:
+            return
+        self._looked = now
+        if self.keys is not None and stamp_of(self.folder) != self.keys.stamp:
+            self.read()
+
+    def update(self) -> None:
+        """Take the result of the background work.
+
+        Raises:
+            Exception: Its error, unless the user can resolve it.
+        """
+        job = self._job
+        if job is None or not job.done:
+            return
+        self._job = None
+        self._context.redraw()
+        if self._again:
+            self.read()
+            return
+        if isinstance(job.error, FacePoserError):
+            self.keys, self.error = None, str(job.error)
+        elif job.error is not None:
+            raise job.error
+        elif job.result is not None:
+            self.keys, self.error = job.result, ""
+
+    def close(self) -> None:
+        """Cancel the background work."""
+        if self._job is not None:
+            self._job.cancel()
+
+    def join(self) -> None:
+        """Wait for the end of the background work."""
+        if self._job is not None:
+            self._job.join()

@@ -1,0 +1,210 @@
+"""The strip of key poses: its commands, the coverage of the animation, and all pairs."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from imgui_bundle import ImVec2, ImVec4, imgui
+from numpy.typing import NDArray
+
+from faceposer.gui.features.keys.cells import KeyCells
+from faceposer.gui.widgets.basic import action_button, caption
+from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.theme import ACCENT, FAINT, WARNING, Icon, em
+from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME
+from faceposer.session.key_set import KeySet
+from faceposer.transfer.key_coverage import reach_of
+from faceposer.transfer.key_parameters import REGIONS
+
+if TYPE_CHECKING:
+    from faceposer.gui.features.keys.feature import KeysFeature
+
+_PAD = 0.45
+# Height of the list of pairs, and width of the present pose with its clone, in units of the font size.
+_LIST, _LIVE = 13.6, 13.4
+# Width of the strip below which the present pose is left out.
+_NARROW = 40.0
+_KINDS = (
+    ("", "All keys"),
+    (EXPRESSION, "Expressions"),
+    (VISEME, "Visemes"),
+    (COMPOSED, "Composed keys"),
+)
+_REGION_LABELS = {"whole": "Clone the whole face", "halves": "Clone upper and lower half", "parts": "Clone parts"}
+
+
+class KeysPanel:
+    """Content of the strip."""
+
+    def __init__(self, keys: "KeysFeature") -> None:
+        """Show the state of ``keys``."""
+        self._keys = keys
+        self._cells = KeyCells(keys)
+
+    @property
+    def height(self) -> float:
+        """Height of the strip."""
+        rows = imgui.get_frame_height() + em(2 * _PAD)
+        keys = self._keys.opened.keys
+        if keys is None:
+            return round(rows + imgui.get_text_line_height() + em(_PAD))
+        if self._keys.covering.of_animation(keys) is not None:
+            rows += imgui.get_frame_height() + em(_PAD)
+        return round(rows + em(_LIST) + em(_PAD))
+
+    def draw(self) -> None:
+        """Draw the strip into the current window."""
+        feature, pad = self._keys, em(_PAD)
+        imgui.set_cursor_pos(ImVec2(em(0.6), pad))
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(em(0.4), pad))
+        imgui.begin_child("##keys-content", ImVec2(-em(0.6), -1.0))
+        self._draw_head()
+        keys = feature.opened.keys
+        if keys is None:
+            self._draw_empty()
+        else:
+            feature.faces.show(keys)
+            covered = feature.covering.of_animation(keys)
+            if covered is not None:
+                feature.covering.draw(covered, keys)
+            self._draw_pairs(keys)
+        imgui.end_child()
+        imgui.pop_style_var()
+
+    # Commands
+
+    def _draw_head(self) -> None:
+        feature = self._keys
+        context, rects = feature.context, feature.context.widget_rects
+        room = imgui.get_content_region_avail().x
+        right = imgui.get_cursor_pos_x() + room
+        if imgui.button(f"Keys {Icon.LIST}##keys-menu", (em(5.0), 0.0)):
+            imgui.open_popup("##keys-menu-list")
+        rects.record("keys:menu")
+        tooltip("Folder of key poses, and commands for all keys")
+        self._draw_menu()
+        for name, label, width in (("keys-add", "Add...", 4.6), ("keys-compose", "Compose", 5.6)):
+            imgui.same_line()
+            action_button(rects, context.actions[name], em(width), label)
+        imgui.same_line()
+        edited = feature.editing.edited
+        # From the right: close, back, save.
+        buttons = [("keys-save", "Save key", 5.6), ("keys-back", "Back", 4.2)] if edited is not None else []
+        taken = sum(em(width + 0.4) for _, _, width in buttons) + em(1.8)
+        imgui.align_text_to_frame_padding()
+        self._draw_state(right - taken - imgui.get_cursor_pos_x() - em(0.8))
+        imgui.same_line(right - taken)
+        for name, label, width in buttons:
+            action_button(rects, context.actions[name], em(width), label, strong=name == "keys-save")
+            imgui.same_line()
+        if imgui.button(f"{Icon.CLOSE}##keys-close", (em(1.8), 0.0)):
+            feature.toggle()
+        rects.record("keys:close")
+        tooltip("Hide the key poses")
+
+    def _draw_state(self, room: float) -> None:
+        """Draw what is edited, or what is open, in ``room``."""
+        feature = self._keys
+        edited, keys = feature.editing.edited, feature.opened.keys
+        if edited is not None:
+            star = "*" if feature.editing.changed else ""
+            imgui.text_colored(ImVec4(*ACCENT), shortened(f"Editing the {edited.side} of {edited.title}{star}", room))
+        elif feature.opened.reading and keys is None:
+            imgui.text_colored(ImVec4(*FAINT), "Reading keys...")
+        elif keys is not None and (keys.problem or keys.notes):
+            text = keys.problem or keys.notes
+            imgui.text_colored(ImVec4(*WARNING), shortened(f"{Icon.WARNING}  {text}", room))
+            tooltip(text)
+        elif keys is not None:
+            source, target = keys.models["source"], keys.models["target"]
+            names = " to ".join(model.character.title for model in (source, target) if model is not None)
+            text = f"{names}: {len(keys.keys)} keys in {keys.folder.folder.name}"
+            imgui.text_colored(ImVec4(*FAINT), shortened(text, room))
+            tooltip(str(keys.folder.folder))
+        else:
+            imgui.text_unformatted(" ")
+
+    def _draw_menu(self) -> None:
+        feature = self._keys
+        if not imgui.begin_popup("##keys-menu-list"):
+            return
+        context, rects = feature.context, feature.context.widget_rects
+        keys = feature.opened.keys
+        for name in (
+            "keys-new",
+            "keys-open",
+            "keys-add",
+            "keys-compose",
+            "keys-importance-source",
+            "keys-importance-target",
+        ):
+            action = context.actions[name]
+            if name == "keys-add":
+                imgui.separator()
+            if imgui.menu_item_simple(action.label, action.shortcut, False, action.enabled()):
+                action.run()
+            rects.record(f"menu:{name}")
+            tooltip(action.help)
+        imgui.separator()
+        for regions in REGIONS:
+            chosen = keys is not None and keys.folder.regions == regions
+            if imgui.menu_item_simple(_REGION_LABELS[regions], "", chosen, keys is not None):
+                feature.set_regions(regions)
+            rects.record(f"keys:regions:{regions}")
+        imgui.separator()
+        for kind, label in _KINDS:
+            if imgui.menu_item_simple(label, "", feature.kind == kind, keys is not None):
+                feature.kind = kind
+            rects.record(f"keys:kind:{kind or 'all'}")
+        imgui.end_popup()
+
+    def _draw_empty(self) -> None:
+        opened = self._keys.opened
+        if opened.error:
+            imgui.text_colored(
+                WARNING, shortened(f"{Icon.WARNING}  {opened.error}", imgui.get_content_region_avail().x)
+            )
+            tooltip(opened.error)
+        elif not opened.reading:
+            caption(
+                "Key poses say what an expression looks like on another character. Create or open a folder of them."
+            )
+
+    # Pairs
+
+    def _draw_pairs(self, keys: KeySet) -> None:
+        feature = self._keys
+        pose = feature.present_pose()
+        wide = imgui.get_content_region_avail().x > em(_NARROW)
+        if pose is not None and keys.transfer is not None and wide:
+            imgui.begin_child("##keys-live", ImVec2(em(_LIVE), 0.0))
+            self._draw_live(keys, pose)
+            imgui.end_child()
+            imgui.same_line(0.0, em(0.9))
+        imgui.begin_child("##keys-list", ImVec2(0.0, 0.0))
+        self._cells.draw(keys, {} if pose is None else keys.strengths(pose))
+        imgui.end_child()
+
+    def _draw_live(self, keys: KeySet, pose: NDArray[np.float64]) -> None:
+        feature = self._keys
+        assert keys.transfer is not None
+        gap = imgui.get_style().item_spacing.x
+        side = 0.5 * (imgui.get_content_region_avail().x - gap)
+        # Pictures of two more faces would slow a drag down.
+        steady = feature.context.toolbox.active or feature.context.session.editing
+        feature.faces.draw_live("source", keys.source_model(), pose, side, steady)
+        feature.context.widget_rects.record("keys:present")
+        tooltip("The present pose of the source")
+        imgui.same_line()
+        target = keys.models["target"]
+        assert target is not None
+        feature.faces.draw_live("target", target, keys.transfer.pose(pose), side, steady)
+        feature.context.widget_rects.record("keys:clone")
+        tooltip("Its clone by the keys")
+        distance, sentence = reach_of(keys.transfer, pose)
+        if sentence:
+            imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
+            imgui.text_wrapped(sentence)
+            imgui.pop_style_color()
+        else:
+            caption(f"The present pose and its clone; {10.0 * distance:.1f} mm from the keys.")

@@ -1,0 +1,320 @@
+"""Key poses in the window, driven by pointer and keys."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faceposer.animation.keyframes import Keyframes
+from faceposer.gui.features.keys.feature import KeysFeature
+from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.features.transfer.feature import TransferFeature
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.interchange.reading import Performance
+from faceposer.poses.pose_file import read_pose
+from faceposer.session.key_proposals import PROPOSED, create_keys
+from faceposer.session.key_set import KeySet
+from tests.windows import OpenWindow
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Keys of the low head and the goblin: its feelings, and three visemes."""
+    folder = tmp_path_factory.mktemp("keys") / "low-creature"
+    keys = create_keys(folder, "low", "creature")
+    for entry in keys.entries():
+        if keys.kinds().get(entry.name) == "viseme" and entry.name not in ("ah", "oh", "m-b-p"):
+            keys.remove(entry.name)
+    return folder
+
+
+@pytest.fixture
+def folder(original: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(original, tmp_path / "keys"))
+
+
+@pytest.fixture
+def robot(open_window: OpenWindow, folder: Path) -> Robot:
+    robot = open_window("low", (1300, 900), keys_folder=str(folder))
+    robot.click_widget("menu:Animate")
+    robot.click_widget("menu:key-poses")
+    finish(robot)
+    return robot
+
+
+def feature(robot: Robot) -> KeysFeature:
+    return robot.app.features[KeysFeature]
+
+
+def finish(robot: Robot) -> None:
+    """Wait for the work in the background, and for its effects."""
+    state = feature(robot)
+    for _ in range(3):
+        state.join()
+        robot.frames(3)
+
+
+def keys_of(robot: Robot) -> KeySet:
+    keys = feature(robot).opened.keys
+    assert keys is not None
+    assert keys.transfer is not None
+    return keys
+
+
+def pose(robot: Robot, **weights: float) -> None:
+    session = robot.app.session
+    with session.edit("Pose"):
+        session.set_start(session.model.coefficients_of(weights))
+    robot.frames(2)
+
+
+def clone_of(robot: Robot, name: str) -> "np.ndarray":
+    """Return the clone of the source's side of the key ``name``."""
+    keys = keys_of(robot)
+    key = keys.key(name)
+    assert keys.transfer is not None
+    assert key is not None
+    assert key.poses["source"] is not None
+    return keys.transfer.pose(key.poses["source"])
+
+
+def choose_from_menu(robot: Robot, widget: str, item: str) -> None:
+    robot.click(robot.app.widget_rects.center(widget), "right")
+    robot.frames(2)
+    robot.click_widget(f"key-menu:{item}")
+
+
+def test_an_edited_key_changes_the_clone_and_the_session_comes_back(robot: Robot, folder: Path) -> None:
+    pose(robot, mouthSmileLeft=0.5, mouthSmileRight=0.5)
+    before, pair = robot.app.session, folder / "target" / "happiness.json"
+    old, clone = read_pose(pair), clone_of(robot, "happiness")
+    robot.click_widget("key:happiness:target")
+    robot.click_widget("choice:1")
+    robot.frames(2)
+    app = robot.app
+    assert app.session.model.character.name == "creature"
+    edited = feature(robot).editing.edited
+    assert edited is not None
+    assert (edited.name, edited.side) == ("happiness", "target")
+    np.testing.assert_allclose(app.session.coefficients, clone, atol=1e-6)
+
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 8, y - 22))
+    assert app.session.dirty
+    robot.key("Ctrl+S")
+    finish(robot)
+    assert not app.session.dirty
+    assert not app.dialogs.open, "the key is saved, not a session"
+    assert read_pose(pair).name == old.name
+    assert read_pose(pair).tags == old.tags
+    changed = clone_of(robot, "happiness")
+    np.testing.assert_allclose(changed, app.session.coefficients, atol=1e-4)
+    assert np.abs(changed - clone).max() > 0.01
+
+    robot.click_widget("keys-back")
+    robot.frames(2)
+    assert app.session is before
+    assert app.session.dirty
+    robot.key("Ctrl+Z")
+    np.testing.assert_array_equal(app.session.coefficients, app.session.model.neutral())
+
+
+def test_changes_of_a_key_are_not_lost_without_a_question(robot: Robot, folder: Path) -> None:
+    pair = folder / "target" / "anger.json"
+    written = pair.read_bytes()
+    robot.click_widget("key:anger:target")
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 8, y - 22))
+    robot.click_widget("key:fear:target")
+    assert "Save the key" in robot.app.dialogs.waiting[0].title
+    robot.key("Esc")
+    robot.frames(2)
+    assert feature(robot).editing.edited is not None
+    assert pair.read_bytes() == written
+    robot.click_widget("key:fear:target")
+    robot.click_widget("choice:0")
+    finish(robot)
+    edited = feature(robot).editing.edited
+    assert edited is not None
+    assert edited.name == "fear"
+    assert pair.read_bytes() != written
+
+
+def test_the_present_pose_becomes_a_key_with_a_proposal(robot: Robot, folder: Path) -> None:
+    pose(robot, jawOpen=0.6, mouthSmileLeft=0.7)
+    robot.click_widget("keys-add")
+    robot.key("Ctrl+A")
+    robot.type("Crooked")
+    robot.click_widget("text:accept")
+    finish(robot)
+    assert read_pose(folder / "source" / "crooked.json").weights["jawOpen"] == pytest.approx(0.6, abs=0.05)
+    assert PROPOSED in read_pose(folder / "target" / "crooked.json").tags
+    key = keys_of(robot).key("crooked")
+    assert key is not None
+    assert key.proposed
+    # A second one of this name is refused, and harms nothing.
+    robot.click_widget("keys-add")
+    robot.key("Ctrl+A")
+    robot.type("Crooked")
+    robot.click_widget("text:accept")
+    finish(robot)
+    assert "already has a key" in robot.app.dialogs.waiting[0].text  # type: ignore[union-attr]
+
+
+def test_sides_are_replaced_proposed_and_removed_by_the_menu(robot: Robot, folder: Path) -> None:
+    pose(robot, jawOpen=0.3, browInnerUp=0.9)
+    choose_from_menu(robot, "key:surprise:source", "replace-source")
+    finish(robot)
+    assert read_pose(folder / "source" / "surprise.json").weights["jawOpen"] == pytest.approx(0.3, abs=0.05)
+    before = clone_of(robot, "surprise")
+    choose_from_menu(robot, "key:surprise:target", "propose")
+    finish(robot)
+    assert np.abs(clone_of(robot, "surprise") - before).max() > 0.01
+    assert PROPOSED in read_pose(folder / "target" / "surprise.json").tags
+    choose_from_menu(robot, "key:surprise:target", "remove")
+    robot.click_widget("choice:1")
+    assert keys_of(robot).key("surprise") is not None
+    choose_from_menu(robot, "key:surprise:target", "remove")
+    robot.click_widget("choice:0")
+    finish(robot)
+    assert keys_of(robot).key("surprise") is None
+    assert not (folder / "source" / "surprise.json").exists()
+
+
+def test_all_combinations_are_composed(robot: Robot) -> None:
+    robot.click_widget("keys-compose")
+    finish(robot)
+    keys = keys_of(robot)
+    assert len(keys.keys) == 5 + 3 + 15
+    robot.click_widget("keys:menu")
+    robot.click_widget("keys:kind:composed")
+    assert {key.kind for key in feature(robot).listed()} == {"composed"}
+    robot.frames(2)
+    assert "key:anger+ah:target" in robot.app.widget_rects
+
+
+def test_the_animation_is_covered_and_the_best_frame_shown(robot: Robot) -> None:
+    app, model = robot.app, robot.app.session.model
+    poses = np.zeros((40, model.n_coefficients))
+    smile = keys_of(robot).key("happiness")
+    assert smile is not None
+    poses[:] = np.linspace(0.0, 1.0, 40)[:, None] * smile.poses["source"]
+    poses[27] = model.coefficients_of({"cheekPuff": 1.0, "noseSneerLeft": 1.0})
+    app.feature(TimelineFeature).change(Keyframes.of_performance(Performance(poses, 30.0)), "Take")
+    robot.frames(2)
+    covered = feature(robot).covering.of_animation(keys_of(robot))
+    assert covered is not None
+    assert covered.best == 27
+    assert covered.distances[27] > covered.limit
+    assert np.delete(covered.distances, 27).max() < 0.1 * covered.limit
+    robot.click_widget("keys:best")
+    assert app.session.animation.frame == 27
+    left, top, right, bottom = app.widget_rects["keys:coverage"]
+    robot.click((left + 0.26 * (right - left), 0.5 * (top + bottom)))
+    assert app.session.animation.frame == 10
+
+    # As a key, the frame is covered.
+    robot.click_widget("keys:best")
+    robot.click_widget("keys-add")
+    robot.click_widget("text:accept")
+    finish(robot)
+    covered = feature(robot).covering.of_animation(keys_of(robot))
+    assert covered is not None
+    assert covered.distances[27] < 0.1 * covered.limit
+
+
+def test_importance_is_shown_on_the_face(robot: Robot) -> None:
+    robot.click_widget("keys:menu")
+    robot.click_widget("menu:keys-importance-source")
+    finish(robot)
+    picture = feature(robot).importance.picture
+    assert picture is not None
+    assert "keys-importance:picture" in robot.app.widget_rects
+    # By the verbal keys, the mouth is brighter than the brows.
+    size = len(picture)
+    assert picture[int(0.7 * size), size // 2].mean() > picture[int(0.25 * size), size // 2].mean() + 40.0
+    robot.key("Esc")
+    assert not robot.app.is_modal
+
+
+def test_files_changed_by_others_change_the_clone_and_broken_ones_are_told(robot: Robot, folder: Path) -> None:
+    path = folder / "target" / "fear.json"
+    before = clone_of(robot, "fear")
+    data = json.loads(path.read_text())
+    data["weights"] = {name: 0.5 * value for name, value in data["weights"].items()}
+    path.write_text(json.dumps(data))
+    robot.frames(70)
+    finish(robot)
+    assert np.abs(clone_of(robot, "fear") - before).max() > 0.05
+    path.write_text("{")
+    robot.frames(70)
+    finish(robot)
+    keys = feature(robot).opened.keys
+    assert keys is not None
+    assert keys.transfer is None
+    assert str(path) in keys.problem
+    assert "key:fear:target" in robot.app.widget_rects
+    shutil.rmtree(folder)
+    robot.frames(70)
+    finish(robot)
+    assert "is not a folder of keys" in feature(robot).opened.error
+
+
+def test_a_new_folder_is_made_for_the_chosen_target(robot: Robot, tmp_path: Path) -> None:
+    robot.click_widget("keys:menu")
+    robot.click_widget("menu:keys-new")
+    robot.click_widget("keys-new:to")
+    robot.click_widget("keys-new:to:creature")
+    robot.click_widget("keys-new:create")
+    assert robot.app.file_dialogs.open
+    robot.key("Enter")
+    finish(robot)
+    assert feature(robot).opened.folder == tmp_path / "low-creature-keys"
+    assert len(keys_of(robot).keys) == 18
+
+
+def test_an_expression_is_transferred_by_examples(robot: Robot) -> None:
+    app = robot.app
+    pose(robot, mouthSmileLeft=0.6, mouthSmileRight=0.6)
+    robot.click_widget("menu:Edit")
+    robot.click_widget("menu:transfer")
+    state = app.features[TransferFeature]
+    robot.click_widget("transfer:to")
+    robot.click_widget("transfer:to:creature")
+    robot.click_widget("transfer:method:2")
+    robot.frames(2)
+    assert state.error == ""
+    assert "mm from the keys" in state.reach[0]
+    whole = state.result
+    transfer = keys_of(robot).transfer
+    assert transfer is not None
+    assert whole is not None
+    np.testing.assert_allclose(whole, transfer.pose(app.session.coefficients), atol=1e-9)
+    robot.click_widget("transfer:regions:1")
+    finish(robot)
+    assert keys_of(robot).folder.regions == "halves"
+    assert state.result is not None
+    assert np.abs(state.result - whole).max() > 1e-3
+    robot.click_widget("transfer:open")
+    robot.click_widget("choice:1")
+    robot.frames(2)
+    assert app.session.model.character.name == "creature"
+
+
+def test_keys_of_another_target_are_refused_and_poses_outside_told(robot: Robot) -> None:
+    pose(robot, cheekPuff=1.0, noseSneerLeft=1.0, mouthLeft=1.0)
+    state = robot.app.features[TransferFeature]
+    robot.app.actions["transfer"].run()
+    state.to = "creature"
+    state.choose_method("examples")
+    robot.frames(3)
+    assert "outside the keys" in state.reach[1]
+    state.to = "woman"
+    robot.frames(3)
+    assert "are for 'creature'" in state.error
+    assert state.result is None
+    robot.key("Esc")
