@@ -115,8 +115,8 @@ def skin_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
     mirror = np.where(spread < 0.03 * _SIDE, cells[:, 1] * _SIDE + cells[:, 0], at)
     known = places.points.positions(character.vertices, character.triangles)[list(_BROWS)]
     brows = 1.0 - _smooth(cKDTree(known).query(character.vertices[: basis.n_skin])[0], _BROW_REACH)
-    of_texels = (np.einsum("nc,nc->n", shares, values[corners]) for values in (region, brows))
-    return Texels(at, corners, shares, *of_texels, mirror)
+    inside, hairy = (np.einsum("nc,nc->n", shares, values[corners]) for values in (region, brows))
+    return Texels(at, corners, shares, inside, hairy, mirror)
 
 
 def _region(character: Character, n_skin: int, places: FacePlaces) -> Array:
