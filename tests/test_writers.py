@@ -16,6 +16,7 @@ from faceposer.files.writing import check_finite, json_text, with_null, write_js
 from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.ply_io import write_ply
 from faceposer.gui.settings import Settings, save_settings
+from faceposer.identity.companion_file import save_companion
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import save_identity_model
 from faceposer.interchange.formats import FORMATS, Output, write_sequence_steps, write_steps
@@ -45,6 +46,7 @@ _WRITES = {"write_text", "write_bytes", "savez", "savez_compressed", "save", "sa
 _MODULES = {
     "api/face.py": "sessions, by session/saved_state.py",
     "api/posing.py": "poses, by poses/pose_file.py",
+    "cli/identity/fit_photo.py": "sessions; reports by files/writing.py",
     "cli/photo.py": "sessions",
     "cli/sketch.py": "sessions; reports by files/writing.py",
     "evaluation/figures.py": "plots",
@@ -59,7 +61,11 @@ _MODULES = {
     "geometry/texture_images.py": "images",
     "gui/features/poses/feature.py": "poses, by poses/library.py",
     "gui/session_files.py": "sessions",
+    "identity/companion_file.py": "checked here",
+    "identity/eye_colour.py": "images",
     "identity/model_file.py": "checked here",
+    "identity/scans/baking.py": "images",
+    "identity/texture_model.py": "images",
     "interchange/glb.py": "checked here",
     "interchange/meshes.py": "checked here; images and materials",
     "interchange/weights_json.py": "checked here",
@@ -69,6 +75,7 @@ _MODULES = {
     "poses/library.py": "poses, by poses/pose_file.py",
     "render/images.py": "images",
     "session/document.py": "checked here",
+    "session/key_compositions.py": "poses and meshes, by session/key_folder.py",
     "session/session.py": "sessions, by session/saved_state.py",
     "training/summary.py": "plots; JSON by files/writing.py",
 }
@@ -193,6 +200,14 @@ def test_models_of_heads(tmp_path: Path, number: float) -> None:
     refused(lambda path: save_identity_model(path, model, {"texture.mean": np.full(3, number)}), path)
     model.mean[1] = number
     refused(lambda path: save_identity_model(path, model), path)
+
+
+@pytest.mark.parametrize("number", _BAD[:3])
+def test_companions_of_models(tmp_path: Path, number: float) -> None:
+    path = tmp_path / "a.npz"
+    path.write_bytes(_OLD)
+    refused(lambda path: save_companion(path, "faceposer.x", "file", {}, {"a": np.full(3, number)}), path)
+    refused(lambda path: save_companion(path, "faceposer.x", "file", {"a": number}, {"a": np.zeros(3)}), path)
 
 
 def test_a_character_with_a_broken_summary_is_written_with_null(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Errors of the networks on photos whose truth is known."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from faceposer.identity.photos.head_basis import head_basis
 from faceposer.identity.photos.landmark_fit import PhotoFace, first_camera
 from faceposer.identity.photos.terms import upright
 from faceposer.landmarks.points import N_POINTS, find_landmarks
-from scripts.photo_study.synthetic import SIZE, random_person, random_weights, photo_of
+from scripts.photo_study.synthetic import SIZE, photo_of, random_person, random_weights
 
 Array = NDArray[np.float64]
 
@@ -20,21 +20,8 @@ _SKINS, _MODES, _FIRST_SEED, _MOST_YAW = 16, 40, 900_000, 0.7
 _LEAST_DEVIATION = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorSamples:
-    """Errors of landmarks in photos, upright and in centimetres.
-
-    Attributes:
-        errors: Shape (m, 468, 2).
-        yaws: Turns of the faces, shape (m,).
-    """
-
-    errors: Array
-    yaws: Array
-
-
-def error_samples(points: SurfacePoints, n_photos: int) -> Iterator[tuple[Array, float]]:
-    """Yield the errors, (468, 2), and the turn of the face, of random photos in which a face is found."""
+def error_samples(points: SurfacePoints, n_photos: int) -> Iterator[Array]:
+    """Yield the errors, (468, 2), upright and in centimetres, of random photos in which a face is found."""
     basis = head_basis()
     plain = FacePlaces(points, LandmarkErrors.plain())
     mean = basis.landmarks(plain).mean
@@ -55,18 +42,16 @@ def error_samples(points: SurfacePoints, n_photos: int) -> Iterator[tuple[Array,
         face = PhotoFace(found, (SIZE, SIZE), 2.0 * SIZE, 0.3)
         scale = np.exp(first_camera(face, mean).log_scale)
         truth = photo.camera.project(points.positions(photo.vertices, basis.model.triangles))
-        yield (found.points[:N_POINTS, :2] - truth) @ upright(found) / scale, yaw
+        yield (found.points[:N_POINTS, :2] - truth) @ upright(found) / scale
 
 
 def learn_errors(points: SurfacePoints, n_photos: int) -> LandmarkErrors:
     """Return the density of the errors in ``n_photos`` random photos."""
-    samples, yaws = [], []
-    for errors, yaw in error_samples(points, n_photos):
+    samples: list[Array] = []
+    for errors in error_samples(points, n_photos):
         samples.append(errors)
-        yaws.append(yaw)
         if len(samples) % 20 == 0:
             print(f"{len(samples)} photos, mean error {10 * np.linalg.norm(samples, axis=2).mean():.2f} mm", flush=True)
-            np.savez("/tmp/idp_errors.npz", e=np.array(samples), y=np.array(yaws))
     return density_of(np.array(samples))
 
 

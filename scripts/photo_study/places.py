@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.identity.editing import HeadEditor, encoded_skin
+from faceposer.identity.editing import HeadEditor, textures_of
 from faceposer.identity.photos.face_places import INNER_LIPS
 from faceposer.landmarks.on_meshes import find_mesh_landmarks
 from faceposer.landmarks.painting import painted_parts
@@ -37,7 +37,7 @@ def learn_places(n_heads: int) -> SurfacePoints:
         for seed in range(n_heads):
             identity = editor.random(seed, spread=0.7)
             vertices = editor.maker.head(editor.skin(identity)).vertices + shift
-            textures = {**base.textures, "skin": encoded_skin(editor.random_texture(seed, identity))}
+            textures = {**base.textures, **textures_of(editor.random_texture(seed, identity))}
             mesh = painted_parts(vertices, base.polygons, base.uv, base.polygon_uvs, base.parts, textures)
             found = find_mesh_landmarks(mesh, Similarity(np.eye(3), np.zeros(3), np.array(1.0)))
             if found is None or np.isnan(found.points).any():
@@ -45,8 +45,10 @@ def learn_places(n_heads: int) -> SurfacePoints:
             on_skin, _ = NearestSurface(vertices, base.triangles, skin).points(found.points)
             found_places.append(on_skin.positions(target, base.triangles))
         mean = np.median(found_places, axis=0)
-        print(f"{'open' if is_open else 'closed'}: {len(found_places)} heads, scatter "
-              f"{10 * np.linalg.norm(np.array(found_places) - mean, axis=2).mean():.2f} mm")
+        print(
+            f"{'open' if is_open else 'closed'}: {len(found_places)} heads, scatter "
+            f"{10 * np.linalg.norm(np.array(found_places) - mean, axis=2).mean():.2f} mm"
+        )
         mean = (mean + mean[mirror] * np.array([-1.0, 1.0, 1.0])) / 2
         places[int(is_open)] = mean
     closed, _ = NearestSurface(base.vertices.astype(np.float64), base.triangles, skin).points(places[0])

@@ -13,7 +13,7 @@ from PIL import Image
 from scipy import ndimage
 
 from faceposer.geometry.camera import Camera
-from faceposer.identity.editing import HeadEditor, encoded_skin
+from faceposer.identity.editing import HeadEditor, textures_of
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.photos.face_camera import rotation_of
 from faceposer.identity.skin_layers import random_layers
@@ -77,7 +77,7 @@ def random_person(
     shapes = editor.maker.shapes(head) if own_shapes else base.shapes.astype(np.float64)
     textures = dict(base.textures)
     if textured:
-        textures["skin"] = encoded_skin(SkinTexture(tuple(skin.tolist()), layers))
+        textures |= textures_of(SkinTexture(tuple(skin.tolist()), layers))
     return Person(identity, head.vertices, shapes, textures)
 
 
@@ -160,7 +160,9 @@ def _albedo(mesh: PaintedMesh, faces: NDArray[np.int64], corners: NDArray[np.int
         height, width = texture.shape[:2]
         at = np.stack([(1.0 - uv[chosen, 1]) * height - 0.5, uv[chosen, 0] * width - 0.5])
         for k in range(3):
-            colours[chosen, k] = ndimage.map_coordinates(texture[..., k].astype(np.float32), at, order=1, mode="nearest") / 255.0
+            colours[chosen, k] = (
+                ndimage.map_coordinates(texture[..., k].astype(np.float32), at, order=1, mode="nearest") / 255.0
+            )
     return np.clip(colours, 0.0, 1.0)
 
 

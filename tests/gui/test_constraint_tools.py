@@ -24,6 +24,7 @@ KEYS = {
     "fix": "H",
     "gaze": "G",
     "trajectory": "J",
+    "head": "B",
 }
 
 

@@ -6,8 +6,9 @@ every line of the package that draws a widget: a new panel that it does not know
 
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,8 +19,12 @@ from faceposer.animation.keyframes import Keyframes
 from faceposer.gui.app import App
 from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
+from faceposer.gui.features.head.feature import HeadFeature
+from faceposer.gui.features.head_making.feature import HeadMakingFeature, MadeHead
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.features.keys.feature import KeysFeature
+from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
+from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 from faceposer.gui.settings import Settings
@@ -369,6 +374,74 @@ def visit_import(robot: Robot, folder: Path) -> None:
     robot.frames(3)
 
 
+def visit_head(robot: Robot) -> None:
+    """Show the tab of the head with all groups, variations, another character and an edited skin."""
+    app = robot.app
+    feature = app.features[HeadFeature]
+    editor = feature.require_editor()
+    app.toolbox.choose("head")
+    robot.click_widget("tab:Pose")
+    robot.frames(2)
+    robot.click_widget("tab:Head")
+    robot.frames(2)
+    robot.click_widget("head:other")
+    robot.frames(2)
+    robot.click_widget("head:other:woman")
+    robot.frames(2)
+    robot.click_widget("head:variations")
+    robot.frames(2)
+    for group in {attribute.group for attribute in editor.attributes.attributes} - {"Person"}:
+        if f"head:group:{group}" in app.widget_rects:
+            robot.click_widget(f"head:group:{group}")
+            robot.frames(1)
+    feature.set_identity(replace(editor.own, texture=editor.own_texture()), "Edit the skin")
+    robot.frames(2)
+    robot.move(app.widget_rects.center("head:other"))
+    robot.wheel(-60.0)
+    robot.frames(3)
+    for combo in ("hair", "eyes"):
+        robot.click_widget(f"head:{combo}")
+        robot.frames(2)
+        robot.key("Esc")
+    feature.restore_original()
+    robot.frames(2)
+    robot.key("Q")
+    robot.click_widget("tab:Pose")
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face in a picture, for the pages of landmarks."""
+
+    name: str
+    image: np.ndarray
+    pixels: dict[str, tuple[float, float]]
+    moved: frozenset[str] = frozenset()
+
+    def with_moved(self, name: str, pixel: tuple[float, float]) -> "Face":
+        return replace(self, pixels={name: pixel}, moved=frozenset({name}))
+
+
+def visit_head_making(robot: Robot, folder: Path) -> None:
+    """Show all pages of the dialogs that make heads."""
+    image = np.zeros((40, 40, 3), dtype=np.uint8)
+    features: list[HeadMakingFeature[Any, Any]] = [
+        robot.app.features[ScanFeature],
+        robot.app.features[PhotoHeadFeature],
+    ]
+    for feature in features:
+        feature.show()
+        feature.files = [str(folder / "a"), str(folder / "b")]
+        feature.error = "It failed."
+        robot.frames(3)
+        feature.marked = [Face("a", image, {"8.3": (5.0, 5.0), "8.4": (9.0, 5.0)}), Face("b", image, {})]
+        robot.frames(3)
+        feature.result = MadeHead(load_character("low"), "It fits.", image)
+        robot.frames(3)
+        feature.close_dialog()
+        robot.frames(3)
+
+
 def visit_preferences(robot: Robot) -> None:
     robot.app.actions["preferences"].run()
     robot.frames(6)
@@ -424,6 +497,8 @@ def test_every_widget_of_every_state_has_an_id_of_its_own(robot: Robot, ids: Wid
     visit_transfer(robot)
     visit_keys(robot, tmp_path)
     visit_import(robot, tmp_path)
+    visit_head(robot)
+    visit_head_making(robot, tmp_path)
     visit_preferences(robot)
     visit_characters(robot, tmp_path)
     assert not app.dialogs.open

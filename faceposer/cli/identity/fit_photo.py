@@ -25,7 +25,9 @@ def add_parser(subcommands: Any) -> None:
         help="make a character of photos of a person",
         description="Make a character of one or more photos of a person (docs/photo-heads.md).",
     )
-    parser.add_argument("photos", nargs="+", type=Path, metavar="PHOTO", help="photo: JPEG, PNG or another common format")
+    parser.add_argument(
+        "photos", nargs="+", type=Path, metavar="PHOTO", help="photo: JPEG, PNG or another common format"
+    )
     parser.add_argument(
         "-o", "--output", type=output_path, required=True, metavar="CHARACTER.npz", help="write the character"
     )

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     head = opened_head(options.character)
     about = description_of(head)
     if options.json:
-        print(json.dumps(about, indent=1))
+        print(json.dumps(about, indent=1, allow_nan=False))
     else:
         print("\n".join(_lines(head, about)))
     return 0

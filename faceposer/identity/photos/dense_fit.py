@@ -1,7 +1,7 @@
 """Refinement of heads by the colours of photos: analysis by synthesis, coarse to fine.
 
-It starts from the fit of landmarks, which stay. Photos are blurred by less and less; at the end, segments of the face get
-coefficients of their own. Where colours make things worse, the fit of landmarks remains.
+It starts from the fit of landmarks, which stay. Photos are blurred by less and less; at the end, segments of the face
+get coefficients of their own. Where colours make things worse, the fit of landmarks remains.
 """
 
 from collections.abc import Sequence
@@ -38,11 +38,11 @@ class DenseSettings:
         damping: Enlargement of the diagonal of the curvature.
     """
 
-    weight: float = 0.03
+    weight: float = 0.05
     n_samples: int = 2500
     levels: tuple[tuple[float, int], ...] = ((4.0, 4), (2.0, 4), (1.0, 4))
     n_modes: int = 100
-    segment_steps: int = 0
+    segment_steps: int = 4
     segment_modes: int = 40
     segment_spread: float = 0.4
     damping: float = 0.01
@@ -120,7 +120,9 @@ class DenseFitter:
             if step % 4 == 0:
                 rest = self._rest(state)
                 seen = [
-                    photo.visible(state, number, rest + np.tensordot(view.pose, self._expression, 1), self._skin_triangles)
+                    photo.visible(
+                        state, number, rest + np.tensordot(view.pose, self._expression, 1), self._skin_triangles
+                    )
                     for number, (photo, view) in enumerate(zip(photos, state.views, strict=True))
                 ]
             equations = NormalEquations(Layout.of(state))
@@ -166,9 +168,7 @@ class DenseFitter:
         weights = self._segment_weights()
         at_landmarks = self._landmark_weights(weights, terms[0].points)
         widened = tuple(
-            replace(
-                term, points=replace(term.points, identity=self._widened(term.points.identity, at_landmarks))
-            )
+            replace(term, points=replace(term.points, identity=self._widened(term.points.identity, at_landmarks)))
             for term in terms
         )
         identity = self._widened(skin.points.identity, weights[:, skin.vertices])

@@ -1,9 +1,9 @@
 """The term of a photo's pixels: colours of random triangles of the face, with derivatives by all unknowns.
 
-At the middle x of a triangle with the unit normal n, in camera axes, the face has the colour a ∘ (L' h(n)), with the albedo
-a = exp(ā + T t), the light L and the harmonics h; the photo has the colour I(u(x)). As the unknowns change, the middle
-moves in the photo and the normal turns in the light. Blanz and Vetter (1999), section 4, descend stochastically, too; theirs
-is Phong's light.
+At the middle x of a triangle with the unit normal n, in camera axes, the face has the colour a ∘ (L' h(n)), with the
+albedo a = exp(ā + T t), the light L and the harmonics h; the photo has the colour I(u(x)). As the unknowns change, the
+middle moves in the photo and the normal turns in the light. Blanz and Vetter (1999), section 4, descend
+stochastically, too; theirs is Phong's light.
 """
 
 from dataclasses import dataclass, field
@@ -71,7 +71,9 @@ class DensePhoto:
         seen[faces[faces >= 0]] = True
         return np.flatnonzero(seen[self.skin.faces])
 
-    def chosen(self, state: FitState, number: int, seen: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+    def chosen(
+        self, state: FitState, number: int, seen: NDArray[np.int64], rng: np.random.Generator
+    ) -> NDArray[np.int64]:
         """Return random samples of those ``seen``, by their areas in the picture."""
         if len(seen) > _POOL * self.n_samples:
             seen = rng.choice(seen, _POOL * self.n_samples, replace=False)
@@ -94,11 +96,9 @@ class DensePhoto:
     def _corners(self, state: FitState, number: int, samples: NDArray[np.int64]) -> Array:
         """Return the corners of ``samples`` in the axes of the camera about the middle of the face, shape (n, 3, 3)."""
         view = state.views[number]
-        points = self.skin.points
-        ids, inverse = np.unique(self.skin.triangles[samples], return_inverse=True)
-        places = points.mean[ids] + np.tensordot(state.shape, points.identity[:, ids], 1)
-        places += np.tensordot(view.pose, points.expression[:, ids], 1)
-        return view.camera.local(places)[inverse.reshape(-1, 3)]
+        local = view.camera.local(self.skin.places(state.shape, view.pose))
+        result: Array = local[self.skin.triangles[samples]]
+        return result
 
     def residual(
         self, state: FitState, number: int, samples: NDArray[np.int64], light: Array | None = None
@@ -137,14 +137,13 @@ class DensePhoto:
         third = by_middle / 3.0
         by_corner = np.stack([third - by_first - by_second, third + by_first, third + by_second], axis=2)
         by_corner = by_corner @ camera.rotation
-        by_shape, by_pose = (
-            _by_modes(by_corner, modes, self.skin.triangles[samples])
-            for modes in (self.skin.points.identity, self.skin.points.expression)
-        )
+        rows = self.skin.rows[self.skin.triangles[samples]].reshape(len(samples), 9, -1)
+        by_modes = by_corner.reshape(len(samples), 3, 9) @ rows
+        n_shape = len(state.shape)
         by_texture = -(self.skin.colours[:, samples].transpose(1, 2, 0) * (found.albedo * found.shade)[..., None])
         by_camera = slopes @ by_camera
         by_camera[:, :, :3] += by_normal @ turning(found.normals)
-        return np.concatenate([by_shape, by_texture, by_pose, by_camera], axis=2)
+        return np.concatenate([by_modes[:, :, :n_shape], by_texture, by_modes[:, :, n_shape:], by_camera], axis=2)
 
     def add(self, state: FitState, number: int, samples: NDArray[np.int64], equations: NormalEquations) -> float:
         """Add the term at ``samples`` to ``equations``, and return the root mean square of the robust residual."""
@@ -202,12 +201,3 @@ class DenseResidual:
     def size(self) -> float:
         """Return the median difference of colours, 0 to 1."""
         return float(np.median(np.abs(self.values).mean(axis=1)))
-
-
-def _by_modes(by_corner: Array, modes: Array, triangles: NDArray[np.int64]) -> Array:
-    """Return derivatives by modes, (n, 3, k), from those by corners, (n, c, 3, 3), and ``modes``, (k, N, 3)."""
-    ids, inverse = np.unique(triangles, return_inverse=True)
-    rows = np.ascontiguousarray(modes[:, ids].transpose(1, 2, 0))[inverse.reshape(-1, 3)]
-    n, _, _, k = rows.shape
-    result: Array = by_corner.reshape(n, 3, 9) @ rows.reshape(n, 9, k)
-    return result

@@ -121,7 +121,7 @@ class FaceCamera:
 
 
 def turning(vectors: Array) -> Array:
-    """Return the derivatives of ``vectors`` y, (n, 3), under a small rotation w, which moves them by w x y, (n, 3, 3)."""
+    """Return the derivatives of ``vectors`` y, (n, 3), by a small rotation w, which moves them by w x y, (n, 3, 3)."""
     result = np.zeros((len(vectors), 3, 3))
     result[:, 0, 1], result[:, 0, 2] = vectors[:, 2], -vectors[:, 1]
     result[:, 1, 0], result[:, 1, 2] = -vectors[:, 2], vectors[:, 0]

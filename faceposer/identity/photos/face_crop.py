@@ -45,7 +45,7 @@ class FaceCrop:
         last = np.minimum(np.ceil(high + margin), face.size)
         last = np.maximum(last, first + 1.0)
         factor = min(height / max(float((high - low).max()), 1.0), _LARGEST_FACTOR)
-        width, tall = (max(int(round(extent * factor)), 8) for extent in (last - first).tolist())
+        width, tall = (max(round(extent * factor), 8) for extent in (last - first).tolist())
         box = (*first.tolist(), *(first + np.array([width, tall]) / factor).tolist())
         box = (box[0], box[1], min(box[2], face.size[0]), min(box[3], face.size[1]))
         picture = Image.fromarray(pixels).resize((width, tall), Image.Resampling.BICUBIC, box=box)

@@ -1,8 +1,8 @@
 """Light on the skin as spherical harmonics of its normals, of degree 2.
 
-Lambertian reflection of distant light is nearly a quadratic polynomial of the normal, with nine coefficients per channel
-(R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", SIGGRAPH 2001). Factors of
-the polynomials are absorbed by the coefficients.
+Lambertian reflection of distant light is nearly a quadratic polynomial of the normal, with nine coefficients per
+channel (R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", SIGGRAPH 2001).
+Factors of the polynomials are absorbed by the coefficients.
 """
 
 import numpy as np
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 N_LIGHT = 9
+# Mean light on the face of a photo that is well exposed, and its weight, relative to the number of samples: dark skin
+# in bright light and bright skin in dark light look the same.
+_EXPOSURE, _EXPOSED = 0.95, 0.05
 # Ridge on the coefficients, relative to the number of samples: least on the ambient light.
 _RIDGE = 0.02 * np.array([1e-3, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.3, 0.3])
 # Residual of a colour, 0 to 1, from which a sample counts less, and the number of rounds.
@@ -52,12 +55,15 @@ def fitted_light(colours: Array, albedo: Array, normals: Array, trust: Array) ->
     """
     basis = harmonics(normals)
     light = np.zeros((N_LIGHT, 3))
+    total = max(float(trust.sum()), 1.0)
+    mean = trust @ basis / total
+    prior = total * (np.diag(_RIDGE) + _EXPOSED * np.outer(mean, mean))
+    expected = total * _EXPOSED * _EXPOSURE * mean
     for channel in range(3):
         rows, weights = basis * albedo[:, channel, None], trust
         for _ in range(_ROUNDS):
             weighted = rows * weights[:, None]
-            ridge = np.diag(_RIDGE * max(float(trust.sum()), 1.0))
-            light[:, channel] = np.linalg.solve(weighted.T @ rows + ridge, weighted.T @ colours[:, channel])
+            light[:, channel] = np.linalg.solve(weighted.T @ rows + prior, weighted.T @ colours[:, channel] + expected)
             left = colours[:, channel] - rows @ light[:, channel]
             weights = trust / (1.0 + (left / _DOUBTFUL) ** 2)
     return light

@@ -1,4 +1,4 @@
-"""A head from photos of one person: identity, texture, character, and the pose, the camera and the light of each photo."""
+"""A head from photos of one person: identity, texture, character; pose, camera and light of each photo."""
 
 import time
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
+from faceposer.identity.photos.iris_colour import eye_colour_of
 from faceposer.identity.photos.landmark_fit import LandmarkFit, PhotoFace, fit_landmarks, fit_points
 from faceposer.identity.photos.photo_texture import LitPhoto, photo_texture
 from faceposer.identity.photos.skin_samples import shipped_samples
@@ -102,7 +103,7 @@ def head_from_photos(
     rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
     identity = Identity.of(rows)
     if found is not None:
-        identity = replace(identity, texture=_skin_texture(found, basis, identity))
+        identity = replace(identity, texture=_skin_texture(found, basis, identity, crops))
     progress.at("Making the character")
     model = build_face_model(_named(basis.editor.with_head(identity), name, title, len(faces)))
     views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
@@ -179,13 +180,13 @@ def _lit_photo(
     return LitPhoto(large.image, camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light)
 
 
-def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity) -> SkinTexture:
+def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity, crops: Sequence[FaceCrop]) -> SkinTexture:
     """Return the texture of the model that is most like the photos, with the usual layers of such a head."""
     k = load_texture_model().n_coefficients
     coefficients = np.clip(found.state.texture[:k], -LIMIT, LIMIT)
     female = basis.editor.measure(identity)["gender"] > 0.0
     layers = SkinLayers(hair="combed" if female else "short", brows="arched" if female else "straight")
-    return SkinTexture(tuple(coefficients.tolist()), layers)
+    return SkinTexture(tuple(coefficients.tolist()), layers, eye_colour_of(crops))
 
 
 def _report(

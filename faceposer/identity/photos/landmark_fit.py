@@ -1,7 +1,7 @@
 """Heads, expressions and cameras from landmarks, by Gauss-Newton steps to the maximum a posteriori.
 
-This is the first stage of the fit of V. Blanz and T. Vetter, "A morphable model for the synthesis of 3D faces" (SIGGRAPH
-1999), section 4, in which a user gives the pose of the head.
+This is the first stage of the fit of V. Blanz and T. Vetter, "A morphable model for the synthesis of 3D faces"
+(SIGGRAPH 1999), section 4, in which a user gives the pose of the head.
 """
 
 import math
@@ -108,9 +108,7 @@ def fit_points(
 ) -> LandmarkFit:
     """Return the fit of ``points`` of heads; other arguments as for `fit_landmarks`."""
     views = tuple(
-        ViewState(
-            np.zeros(len(points.expression)), first_camera(face, points.mean), np.zeros(len(places.errors.modes))
-        )
+        ViewState(np.zeros(len(points.expression)), first_camera(face, points.mean), np.zeros(len(places.errors.modes)))
         for face in faces
     )
     state = FitState(np.zeros(len(points.identity)), _NO_TEXTURE, views)

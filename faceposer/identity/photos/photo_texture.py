@@ -1,8 +1,8 @@
 """The texture of a head from photos of it, free of their light (Blanz and Vetter 1999, section 4.1).
 
-Every texel of the face that a photo sees gets its colour there divided by the light that was found. Photos are mixed by how
-directly they see it; where none does, the mirrored side is taken, then the texture model. Colours that no skin under that
-light has, as of hair over the forehead, of glasses and of highlights, do not count.
+Every texel of the face that a photo sees gets its colour there divided by the light that was found. Photos are mixed
+by how directly they see it; where none does, the mirrored side is taken, then the texture model. Colours that no skin
+under that light has, as of hair over the forehead, of glasses and of highlights, do not count.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ _HIDDEN = 0.35
 # Least light, relative to the median, by which colours are divided.
 _DARKEST = 0.25
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
-_FOREIGN, _FOREIGN_BLUR = 0.45, 6.0
+_FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
 # Weight of the mirrored side relative to the own one.
 _MIRRORED = 0.02
 _LEAST = 0.004

@@ -1,7 +1,7 @@
 """The parts of the skin that are compared with photos: shape, expression and colour at the triangles of the face."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,17 @@ class SkinSamples:
     colour: Array
     colours: Array
 
+    @cached_property
+    def rows(self) -> Array:
+        """Modes of heads and expressions by vertex, shape (n, 3, K + r)."""
+        modes = np.concatenate([self.points.identity, self.points.expression])
+        return np.ascontiguousarray(modes.transpose(1, 2, 0))
+
+    def places(self, b: Array, p: Array) -> Array:
+        """Return the vertices of a head with coefficients ``b``, (K,), in the pose ``p``, (r,), shape (n, 3)."""
+        result: Array = self.points.mean + self.rows @ np.concatenate([b, p])
+        return result
+
     def with_identity(self, identity: Array) -> "SkinSamples":
         """Return the samples with other modes of heads, shape (K', n, 3)."""
         return replace(self, points=replace(self.points, identity=identity))
@@ -62,7 +73,8 @@ def face_samples(basis: HeadBasis, places: FacePlaces, texture: TextureModel) ->
     inner = np.setdiff1d(np.arange(N_POINTS), OVAL)
     near, _ = cKDTree(landmarks[inner]).query(skin)
     gaps = [
-        cKDTree(landmarks[list(group)]).query(skin)[0] > gap for group, gap in ((LIDS, _LID_GAP), (INNER_LIPS, _LIP_GAP))
+        cKDTree(landmarks[list(group)]).query(skin)[0] > gap
+        for group, gap in ((LIDS, _LID_GAP), (INNER_LIPS, _LIP_GAP))
     ]
     used = (near < _REACH) & gaps[0] & gaps[1]
     triangles = character.triangles
@@ -76,7 +88,12 @@ def face_samples(basis: HeadBasis, places: FacePlaces, texture: TextureModel) ->
     points = FacePoints(character.vertices[vertices].astype(np.float64), basis.identity_rows(vertices), expression)
     colour, colours = _colours(basis, chosen, texture)
     return SkinSamples(
-        points, vertices.astype(np.int64), inverse.reshape(-1, 3).astype(np.int64), chosen.astype(np.int64), colour, colours
+        points,
+        vertices.astype(np.int64),
+        inverse.reshape(-1, 3).astype(np.int64),
+        chosen.astype(np.int64),
+        colour,
+        colours,
     )
 
 

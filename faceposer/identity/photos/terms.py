@@ -91,7 +91,7 @@ class LandmarkTerm:
         )
 
     def misses(self, state: FitState, view: ViewState) -> Array:
-        """Return the distances of the landmarks from the face in pixels, errors of the networks not taken off, (470,)."""
+        """Return the distances of the landmarks from the face in pixels, without errors of the networks, (470,)."""
         found = view.camera.project(self.points.at(state.shape, view.pose))
         return np.asarray(np.linalg.norm(found - self.pixels, axis=1))
 
@@ -129,6 +129,4 @@ class Priors:
             equations.add_block(at.errors, view.errors, 1.0)
             focal = np.zeros(at.camera.stop - at.camera.start)
             focal[5:7] = 1.0 / spread
-            equations.add_block(
-                at.camera, focal * (view.camera.log_focal - expected) / spread, np.outer(focal, focal)
-            )
+            equations.add_block(at.camera, focal * (view.camera.log_focal - expected) / spread, np.outer(focal, focal))

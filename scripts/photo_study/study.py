@@ -1,0 +1,153 @@
+"""The study of heads and expressions from synthetic photos: trials, one per person, and rows of their errors."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from faceposer.geometry.alignment import rigid_alignment
+from faceposer.identity.identity import Identity
+from faceposer.identity.photos.dense_fit import DenseFitter, DenseSettings
+from faceposer.identity.photos.face_crop import FaceCrop
+from faceposer.identity.photos.face_places import FacePlaces, load_face_places
+from faceposer.identity.photos.head_basis import HeadBasis, head_basis
+from faceposer.identity.photos.landmark_fit import PhotoFace, fit_landmarks
+from faceposer.identity.photos.skin_samples import shipped_samples
+from faceposer.identity.photos.unknowns import FitState
+from faceposer.landmarks.points import N_POINTS, find_landmarks
+from scripts.photo_study.synthetic import SIZE, Person, Photo, photo_of, random_person, random_weights
+
+Array = NDArray[np.float64]
+
+METHODS = ("mean", "landmarks", "dense", "dense-segments")
+_FIRST_SEED = 5000
+# Turns of the face, in radians, between which those of three views are drawn.
+_YAWS = ((-0.3, 0.3), (-0.7, -0.35), (0.35, 0.7))
+# Distance of the vertices measured from the landmarks, in centimetres.
+_REACH = 1.2
+_DRAWS = 1000
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Errors of one method on one person, in millimetres.
+
+    Attributes:
+        method: Name of the method.
+        views: Number of photos.
+        head: Mean distance of the vertices of the face after a similarity.
+        expression: Mean distance of their displacements by the expression, over the photos.
+        seconds: Time of the fit.
+    """
+
+    method: str
+    views: int
+    head: float
+    expression: float
+    seconds: float
+
+
+class Study:
+    """Trials on random people who are not in the model's training data."""
+
+    def __init__(self) -> None:
+        """Prepare the model of heads."""
+        self.basis: HeadBasis = head_basis()
+        self.places: FacePlaces = load_face_places()
+        self.samples = shipped_samples(self.basis, self.places)
+        skin = self.basis.character.vertices[: self.basis.n_skin]
+        landmarks = self.basis.landmarks(self.places).mean[:N_POINTS]
+        self.measured = cKDTree(landmarks).query(skin)[0] < _REACH
+
+    def trials(self, number: int, views: Sequence[int] = (1, 3)) -> Iterator[Trial]:
+        """Yield the trials of person ``number``."""
+        rng = np.random.default_rng(1000 + number)
+        person = random_person(self.basis.editor, self.basis.character, _FIRST_SEED + number)
+        photos = []
+        for low, high in _YAWS[: max(views)]:
+            yaw = float(rng.uniform(low, high))
+            weights = random_weights(self.basis.model, rng)
+            photos.append(photo_of(person, self.basis.character, weights, rng, yaw))
+        found = [(photo, find_landmarks(photo.pixels)) for photo in photos]
+        crops = [
+            (photo, FaceCrop.of(PhotoFace(face, (SIZE, SIZE), 2.0 * SIZE, 0.3), photo.pixels))
+            for photo, face in found
+            if face is not None
+        ]
+        for count in views:
+            if len(crops) >= count:
+                yield from self._of(person, crops[:count])
+
+    def _of(self, person: Person, crops: Sequence[tuple[Photo, FaceCrop]]) -> Iterator[Trial]:
+        n = len(crops)
+        mean = np.zeros((4, self.basis.n_identity))
+        still = float(np.mean([self._displacement(person, photo, None) for photo, _ in crops]))
+        yield Trial("mean", n, self._head_error(person, mean), still, 0.0)
+        begun = time.perf_counter()
+        start = fit_landmarks([crop.face for _, crop in crops], self.basis, self.places)
+        seconds = time.perf_counter() - begun
+        rows = np.tile(start.state.shape, (4, 1))
+        yield Trial(
+            "landmarks", n, self._head_error(person, rows), self._expressions(person, crops, start.state), seconds
+        )
+        for method, settings in (("dense", DenseSettings(segment_steps=0)), ("dense-segments", DenseSettings())):
+            begun = time.perf_counter()
+            dense = DenseFitter([crop for _, crop in crops], start, self.basis, self.samples, settings).fit()
+            own = time.perf_counter() - begun
+            yield Trial(
+                method,
+                n,
+                self._head_error(person, dense.rows),
+                self._expressions(person, crops, dense.state),
+                seconds + own,
+            )
+
+    def _head_error(self, person: Person, rows: Array) -> float:
+        """Return the mean distance of the face with coefficients ``rows``, after a similarity, in millimetres."""
+        skin = self.basis.editor.skin(Identity.of(rows))[self.measured]
+        truth = person.vertices[: self.basis.n_skin][self.measured]
+        aligned = rigid_alignment(skin, truth, np.ones(len(skin)), scale=True)
+        return float(10.0 * np.linalg.norm(aligned.apply(skin) - truth, axis=1).mean())
+
+    def _expressions(self, person: Person, crops: Sequence[tuple[Photo, FaceCrop]], state: FitState) -> float:
+        pairs = zip(crops, state.views, strict=True)
+        return float(np.mean([self._displacement(person, photo, view.pose) for (photo, _), view in pairs]))
+
+    def _displacement(self, person: Person, photo: Photo, pose: Array | None) -> float:
+        """Return the mean error of the displacements by the expression of ``photo``, in millimetres."""
+        n = self.basis.n_skin
+        truth = np.tensordot(photo.weights, person.shapes[:, :n], 1)
+        found = np.zeros_like(truth)
+        if pose is not None:
+            found = self.basis.model.instance(pose)[:n] - self.basis.character.vertices[:n]
+        return float(10.0 * np.linalg.norm((found - truth)[self.measured], axis=1).mean())
+
+
+def rows_of(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Return one row per test, method and number of views, with the confidence of the mean by the bootstrap."""
+    rows = []
+    for test, value in (("synthetic", "head"), ("expression", "expression")):
+        for views in sorted({trial.views for trial in trials}):
+            for method in METHODS:
+                chosen = [trial for trial in trials if (trial.method, trial.views) == (method, views)]
+                if not chosen:
+                    continue
+                errors = np.array([getattr(trial, value) for trial in chosen])
+                draws = np.random.default_rng(0).choice(errors, (_DRAWS, len(errors))).mean(axis=1)
+                rows.append(
+                    {
+                        "test": test,
+                        "method": method,
+                        "views": views,
+                        "n": len(errors),
+                        "error_mm_mean": round(float(errors.mean()), 3),
+                        "error_mm_median": round(float(np.median(errors)), 3),
+                        "ci95": np.quantile(draws, (0.025, 0.975)).round(3).tolist(),
+                        "seconds": round(float(np.median([trial.seconds for trial in chosen])), 2),
+                    }
+                )
+    return rows

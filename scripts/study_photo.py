@@ -1,0 +1,37 @@
+"""Study heads and expressions from synthetic photos of people who are known (docs/photo-heads.md).
+
+Run from the root of a checkout::
+
+    python -m scripts.study_photo --json F.json --n 50 --views 1 3
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from faceposer.files.writing import write_json
+from scripts.photo_study.study import Study, rows_of
+
+
+def main() -> None:
+    """Run the study; the file is written after each person, so that a run that is stopped leaves its results."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, required=True, help="file of rows")
+    parser.add_argument("--n", type=int, default=50, help="number of people")
+    parser.add_argument("--first", type=int, default=0, help="number of the first person")
+    parser.add_argument("--views", type=int, nargs="+", default=[1, 3], choices=(1, 2, 3), help="numbers of photos")
+    options = parser.parse_args()
+    study, trials = Study(), []
+    for number in range(options.first, options.first + options.n):
+        found = list(study.trials(number, options.views))
+        trials += found
+        write_json(options.json, {"rows": rows_of(trials)}, "study")
+        print(number, " ".join(f"{t.method}/{t.views} {t.head:.2f}|{t.expression:.2f}" for t in found), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""``faceposer identity fit-photo`` and ``faceposer photo --auto``."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from faceposer.model.character_file import load_character
+from faceposer.session.document import read_document
+from tests.command_line import run
+from tests.landmarks.photos import astronaut
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    path = tmp_path / "me.png"
+    Image.fromarray(astronaut()).save(path)
+    return path
+
+
+def test_a_photo_becomes_a_character_with_a_session(photo: Path, tmp_path: Path, capsys: Capture) -> None:
+    out, report, session = tmp_path / "me.npz", tmp_path / "r.json", tmp_path / "s.json"
+    arguments = ("-o", out, "--report", report, "--session", session, "--landmarks-only", "--title", "Me")
+    assert run("identity", "fit-photo", photo, *arguments) == 0
+    assert "me.npz written from 1 photo" in capsys.readouterr().out
+    character = load_character(str(out))
+    assert (character.name, character.title) == ("me", "Me")
+    measured = json.loads(report.read_text())
+    assert 0.0 < measured["photos"][0]["landmark_px"] < 3.0
+    assert measured["refined"] is False
+    document = read_document(session)
+    assert document.photos[0].camera is not None
+    assert document.coefficients.any()
+    # The nose is where the photo has it.
+    nose = character.vertices[[character.feature_points["9.3"]]]
+    assert np.abs(document.photos[0].camera.project(nose) - (224.4, 128.0)).max() < 8.0
+
+
+def test_the_expression_of_a_photo_is_taken_without_pins(photo: Path, tmp_path: Path, capsys: Capture) -> None:
+    out = tmp_path / "s.json"
+    assert run("photo", "man", photo, "--auto", "-o", out) == 0
+    assert "mouthSmile" in capsys.readouterr().out
+    document = read_document(out)
+    assert document.photos[0].pins
+    assert document.coefficients.any()
+
+
+def test_a_photo_without_a_face_gets_one_sentence(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "wall.png"
+    Image.new("RGB", (200, 200), (120, 110, 100)).save(path)
+    assert run("identity", "fit-photo", path, "-o", tmp_path / "me.npz") == 2
+    error = capsys.readouterr().err
+    assert "No face was found" in error
+    assert len(error.strip().splitlines()) == 1
+    assert not (tmp_path / "me.npz").exists()
