@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
-from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES, read_mesh
 from faceposer.geometry.obj_io import ObjWriter
-from faceposer.interchange.reading import MESHES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of
@@ -62,7 +61,7 @@ class _Face:
     def _displacements(self, entry: KeyFiles) -> NDArray[np.float32]:
         path = entry.source if self.side == "source" else entry.target
         assert path is not None
-        if path.suffix.lower() in MESHES:
+        if path.suffix.lower() in POSED_MESH_SUFFIXES:
             return key_displacements(path, self.character).astype(np.float32)
         if self.model is None:
             raise FacePoserError(
