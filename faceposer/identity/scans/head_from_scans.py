@@ -37,8 +37,6 @@ from faceposer.progress import Progress
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Files that somebody may take for scans.
-PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif", ".heic")
 # Most vertices of a scan.
 _MOST_VERTICES = 2_000_000
 # Trust from which vertices count in the report.
@@ -118,10 +116,6 @@ def read_scan(path: str, landmarks: ScanLandmarks | None = None) -> Scan:
     """
     if Path(path).suffix.lower() not in MESH_SUFFIXES:
         raise FacePoserError(f"'{path}' is not a mesh; choose a scan of type {', '.join(MESH_SUFFIXES)}.")
-    if Path(path).suffix.lower() in PICTURE_SUFFIXES:
-        raise FacePoserError(
-            f"'{path}' is a picture, not a mesh; 'faceposer identity fit-photo' makes heads of photos."
-        )
     mesh = read_painted(path)
     if len(mesh.vertices) > _MOST_VERTICES:
         raise FacePoserError(

@@ -138,7 +138,7 @@ def fit_head(marked: Sequence[MarkedScan], detail: bool, texture: bool, title: s
     report = made.report
     text = (
         f"Distance of the face from the scan: {report['surface_mm_median']:.2f} mm (median). Left the scan, middle the "
-        "head, right the distance, from blue at 0 to red at 2 mm and more. Hair, closed lids, ears and the neck are not "
+        "head, right the distance, from blue at 0 to red at 2 mm and more. Hair, lids, ears and neck are not "
         "followed."
     )
     return MadeHead(character, text, distance_map(shipped_basis(), made.scans[0]))
