@@ -114,7 +114,9 @@ def head_from_photos(
             _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
             for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
         ]
-        skin = photo_texture(lit, textures_of(identity.texture)["skin"], basis, places)
+        # The brows are those of the photos.
+        bare = replace(identity.texture, layers=replace(identity.texture.layers, brows="none"))
+        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places)
         textures = {**model.character.textures, "skin": skin}
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))

@@ -39,6 +39,10 @@ _HIDDEN = 0.35
 _DARKEST = 0.25
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
 _FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
+#: Landmarks on the brows without their outer ends, whose colours are no skin's, and the distance from them, in
+#: centimetres, that is brow.
+_BROWS = (105, 66, 107, 55, 65, 52, 334, 296, 336, 285, 295, 282)
+_BROW_REACH = (0.1, 0.4)
 # Weight of the mirrored side relative to the own one.
 _MIRRORED = 0.02
 _LEAST = 0.004
@@ -70,6 +74,7 @@ class Texels:
         corners: Vertices of their triangles, shape (n, 3).
         shares: Barycentric coordinates, shape (n, 3).
         region: How much each belongs to the face that photos show, 0 to 1, shape (n,).
+        brows: How much each belongs to the brows, 0 to 1, shape (n,).
         mirror: Index in the flat grid of the texel on the other side, shape (n,).
     """
 
@@ -77,6 +82,7 @@ class Texels:
     corners: NDArray[np.integer]
     shares: Array
     region: Array
+    brows: Array
     mirror: NDArray[np.int64]
 
     def of_vertices(self, values: Array) -> Array:
@@ -88,6 +94,8 @@ class Texels:
 @lru_cache(maxsize=1)
 def skin_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
     """Return the texels of the skin of the built-in heads, prepared at the first call."""
+    from scipy.spatial import cKDTree
+
     character = basis.character
     triangles = basis.editor.template.triangles
     ids = character.triangle_uvs[: len(triangles)]
@@ -105,7 +113,10 @@ def skin_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
     cells = np.clip(target.astype(np.int64), 0, _SIDE - 1)
     # Corners on both sides of a seam of the layout have no common place.
     mirror = np.where(spread < 0.03 * _SIDE, cells[:, 1] * _SIDE + cells[:, 0], at)
-    return Texels(at, corners, shares, np.einsum("nc,nc->n", shares, region[corners]), mirror)
+    known = places.points.positions(character.vertices, character.triangles)[list(_BROWS)]
+    brows = 1.0 - _smooth(cKDTree(known).query(character.vertices[: basis.n_skin])[0], _BROW_REACH)
+    of_texels = (np.einsum("nc,nc->n", shares, values[corners]) for values in (region, brows))
+    return Texels(at, corners, shares, *of_texels, mirror)
 
 
 def _region(character: Character, n_skin: int, places: FacePlaces) -> Array:
@@ -201,8 +212,7 @@ def _plausible(colours: Array, weights: Array, model: Array, texels: Texels) -> 
     smooth = grid[texels.at, :3] / np.maximum(grid[texels.at, 3:], 1e-6)
     usual = np.median(smooth[weights > 0.5], axis=0) if (weights > 0.5).any() else np.zeros(3)
     off = np.abs(smooth - usual).max(axis=1)
-    # Lips and brows of people differ more than their skin.
-    result: Array = 1.0 - _smooth(off, (_FOREIGN, 2.0 * _FOREIGN))
+    result: Array = np.maximum(1.0 - _smooth(off, (_FOREIGN, 2.0 * _FOREIGN)), texels.brows)
     return result
 
 
