@@ -54,8 +54,7 @@ class DensePhoto:
     noise: float = NOISE
 
     def __post_init__(self) -> None:
-        rows, columns = np.gradient(self.image, axis=(0, 1))
-        self.slopes = (columns, rows)
+        self.slopes = (np.asarray(np.gradient(self.image, axis=1)), np.asarray(np.gradient(self.image, axis=0)))
         self.light = np.zeros((9, 3))
 
     @property
