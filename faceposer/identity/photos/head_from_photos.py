@@ -179,7 +179,9 @@ def _lit_photo(
     large = FaceCrop.of(face, image, _TEXTURE_HEIGHT)
     x, y = ((there - here) * crop.factor for there, here in zip(large.corner, crop.corner, strict=True))
     size = (large.image.shape[1], large.image.shape[0])
-    return LitPhoto(large.image.astype(np.float32), camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light)
+    return LitPhoto(
+        large.image.astype(np.float32), camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light
+    )
 
 
 def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity, crops: Sequence[FaceCrop]) -> SkinTexture:
