@@ -11,7 +11,8 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 from faceposer.identity.companion_file import read_companion, save_companion
 from faceposer.identity.skin_layers import SkinLayers, random_layers
-from faceposer.identity.texture_model import FORMAT, NOUN, SIZE, TextureModel, load_texture_model
+from faceposer.identity.skin_tones import line_tone, scale_tone
+from faceposer.identity.texture_model import FORMAT, LIMIT, NOUN, SIZE, TextureModel, load_texture_model
 from faceposer.resources import asset_path
 
 BARE = SkinLayers(hair="none", brows="none", lash_line=0.0)
@@ -52,6 +53,40 @@ def test_tone_darkens_the_skin_and_nothing_is_out_of_range(model: TextureModel) 
     light, dark = (model.instance(model.with_tone(c, tone), BARE) for tone in (-1.0, 1.5))
     assert _at(dark, *FOREHEAD).mean() < 0.6 * _at(light, *FOREHEAD).mean()
     assert model.tone(model.with_tone(c, 0.7)) == 0.7
+
+
+@pytest.mark.parametrize("seed", [0, 8])
+def test_every_tone_is_human_skin(model: TextureModel, seed: int) -> None:
+    c = np.zeros(model.n_coefficients) if seed == 0 else model.sample(seed)[0]
+    below = np.full(3, np.inf)
+    for tone in (-LIMIT, -1.0, 0.0, 1.0, LIMIT):
+        texture = model.instance(model.with_tone(c, tone), BARE, size=512)
+        for place in (FOREHEAD, CHEEK, CHIN):
+            red, green, blue = _at(texture, *place)
+            assert 60.0 < red < 246.0
+            assert red > 1.1 * green > 1.1 * blue
+        forehead = _at(texture, *FOREHEAD)
+        assert (forehead < below).all()
+        below = forehead
+
+
+def test_tones_are_found_from_the_line(model: TextureModel) -> None:
+    for tone in (-2.2, -0.9, 0.0, 1.6, 2.4):
+        assert scale_tone(line_tone(tone)) == pytest.approx(tone)
+        slope = (line_tone(tone + 1e-6) - line_tone(tone - 1e-6)) / 2e-6
+        assert 0.0 < slope < 1.0 + 1e-6
+    assert np.isfinite([scale_tone(-50.0), scale_tone(50.0)]).all()
+    found = model.of_line(np.full(model.n_coefficients, -0.8))
+    assert line_tone(found[0]) == pytest.approx(-0.8)
+    assert (found[1:] == -0.8).all()
+
+
+def test_brows_stay_visible_on_dark_skin(model: TextureModel) -> None:
+    c = model.with_tone(np.zeros(model.n_coefficients), LIMIT)
+    brown = SkinLayers(hair_colour=(0.45, 0.3, 0.2), brow_strength=1.0)
+    bare, painted = (model.instance(c, style, size=512).astype(float).sum(axis=2) for style in (BARE, brown))
+    face = (slice(130, 220), slice(140, 372))
+    assert np.quantile(painted[face] / bare[face], 0.005) < 0.75
 
 
 def test_layers_act_where_they_are(model: TextureModel, mean: np.ndarray) -> None:
