@@ -22,9 +22,9 @@ FOLDS = np.array([0.35, 0.55, 0.60], dtype=np.float32)
 FOLDS_SHARE = 0.6
 #: Factors of the skin's colour where stubble shines through it.
 _BELOW = (0.40, 0.47, 0.54)
-#: Colours of hair between which those of random people lie.
-_BLACK_HAIR, _BROWN_HAIR = np.array([0.07, 0.06, 0.055]), np.array([0.40, 0.27, 0.16])
-_RED_HAIR, _GREY_HAIR = np.array([0.45, 0.22, 0.12]), np.array([0.62, 0.61, 0.60])
+#: Colours of hair between which those of people lie.
+BLACK_HAIR, _BROWN_HAIR = np.array([0.07, 0.06, 0.055]), np.array([0.40, 0.27, 0.16])
+_RED_HAIR, GREY_HAIR = np.array([0.45, 0.22, 0.12]), np.array([0.62, 0.61, 0.60])
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,11 @@ def painted(
     return np.clip(channel * np.float32(255.0) + np.float32(0.5), 0.0, 255.0)
 
 
+def greyness(age: float, early: float = 0.5) -> float:
+    """Return the share of the hair that has turned grey at an age, 0 average to 1 old; ``early`` is 0..1."""
+    return float(np.clip(1.6 * age - 0.5 * (1.0 - early), 0.0, 0.9))
+
+
 def random_layers(seed: int, tone: float, gender: float = 0.0, age: float = 0.0) -> SkinLayers:
     """Return layers of a random person: darker hair with darker skin, grey hair with age, stubble on men.
 
@@ -128,8 +133,8 @@ def random_layers(seed: int, tone: float, gender: float = 0.0, age: float = 0.0)
     rng = np.random.default_rng(seed)
     fair = rng.random() * np.clip(0.6 - 0.8 * tone, 0.0, 1.0)
     warm = rng.random()
-    colour = _BLACK_HAIR + fair * (_BROWN_HAIR + warm * (_RED_HAIR - _BROWN_HAIR) * (fair > 0.5) - _BLACK_HAIR)
-    colour = colour + np.clip(1.6 * age - 0.5 * rng.random(), 0.0, 0.9) * (_GREY_HAIR - colour)
+    colour = BLACK_HAIR + fair * (_BROWN_HAIR + warm * (_RED_HAIR - _BROWN_HAIR) * (fair > 0.5) - BLACK_HAIR)
+    colour = colour + greyness(age, 1.0 - rng.random()) * (GREY_HAIR - colour)
     female = gender + 0.3 * rng.standard_normal() > 0.0
     red, green, blue = (float(channel) for channel in colour)
     return SkinLayers(

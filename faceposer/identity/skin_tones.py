@@ -14,8 +14,9 @@ Image32 = NDArray[np.float32]
 _LIGHT, _DARK = (-0.55, 0.28), (1.30, 0.55)
 #: Share of that distance that the inverse reaches, so that it is finite.
 _NEARLY = 0.9995
-#: Largest changes of brightness and of each chroma by the modes other than the tone, as logarithms.
-_BRIGHTNESS, _CHROMA = 0.30, 0.22
+#: Largest changes by the modes other than the tone, as logarithms: of brightness down, as in folds, and up, of chroma,
+#: and of its mean, which in the few skins that were learned goes with age.
+_DARKER, _BRIGHTER, _CHROMA, _UNDERTONE = 0.30, 0.10, 0.22, 0.05
 #: Largest channel that bare skin has, and logarithm of the width in which brighter ones approach it.
 _BRIGHTEST, _SHOULDER = 0.93, 0.06
 
@@ -40,7 +41,7 @@ def scale_tone(coefficient: float) -> float:
     return float(coefficient)
 
 
-def limited(change: Image32, most: float) -> Image32:
+def _limited(change: Image32, most: float) -> Image32:
     """Return a change of logarithms that stays as it is where small, and never exceeds ``most`` either way."""
     ratio = np.square(np.square(change / np.float32(most)))
     result: Image32 = change / np.sqrt(np.sqrt(1.0 + ratio))
@@ -48,13 +49,14 @@ def limited(change: Image32, most: float) -> Image32:
 
 
 def limited_brightness(change: Image32) -> Image32:
-    """Return the brightness that modes other than the tone add, limited."""
-    return limited(change, _BRIGHTNESS)
+    """Return the brightness that modes other than the tone add, limited; folds do not turn into ridges of light."""
+    return np.where(change < 0.0, _limited(change, _DARKER), _limited(change, _BRIGHTER))
 
 
 def limited_chroma(change: Image32) -> Image32:
-    """Return the chroma that modes other than the tone add, limited."""
-    return limited(change, _CHROMA)
+    """Return the chroma that modes other than the tone add, shape (2, H, W), limited; so is its mean."""
+    undertone = change.mean(axis=(1, 2), keepdims=True)
+    return _limited(change - undertone, _CHROMA) + _limited(undertone, _UNDERTONE)
 
 
 def below_white(brightness: Image32, largest: Image32) -> Image32:

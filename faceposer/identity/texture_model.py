@@ -1,8 +1,8 @@
 """A linear model of skin textures, with hair, brows, stubble and lips as layers of their own colours.
 
 A texture is exp(mean + Σ c_i mode_i) in the skin's own layout, equation (1) of Blanz and Vetter (SIGGRAPH 1999) for the
-logarithms of the colours. The first mode is the tone, on a scale that `skin_tones` keeps within human skin. A layer of hairs turns the colour s below into T s + H h with the
-colour h of the hairs, their transmission T and their shade H.
+logarithms of the colours. The first mode is the tone, on a scale that `skin_tones` keeps within human skin. A layer of
+hairs turns the colour s below into T s + H h with the colour h of the hairs, their transmission T and their shade H.
 """
 
 import io
@@ -64,7 +64,8 @@ class TextureModel:
             (1 + K, 1024, 1024).
         chroma: Logarithms of red and blue minus brightness, shape (1 + K, 2, 256, 256).
         lips: Logarithms of the colour of lips relative to skin, of the mean and the modes, shape (1 + K, 3).
-        labels: Change of the coefficients per unit of a label: "age" (0 young, 1 old) and "gender" (1 female), (K,).
+        labels: Change of a label per unit of the coefficients: "age" (old is 1 more than young) and "gender" (women are
+            2 more than men), both 0 for the mean, shape (K,).
         skins: Coefficients of the skins that the model was learned from, by name, shape (K,).
         layers: Encoded images of the layers by name.
         credits: Where the skins come from.
@@ -101,8 +102,7 @@ class TextureModel:
 
     def label(self, coefficients: ArrayLike, name: str) -> float:
         """Return "age" or "gender" of a skin relative to the mean, as regressed on the skins' names."""
-        slope = self.labels[name]
-        return float(slope @ self._checked(coefficients) / (slope @ slope))
+        return float(self.labels[name] @ self._checked(coefficients))
 
     def with_label(self, coefficients: ArrayLike, name: str, value: float) -> Array:
         """Return the nearest coefficients with "age" or "gender" of ``value``; tone and the other label are kept."""
@@ -110,7 +110,7 @@ class TextureModel:
         slopes = np.stack([self.labels[name], *(slope for other, slope in self.labels.items() if other != name)])
         rows = np.concatenate([slopes, np.eye(1, self.n_coefficients)])
         missing = np.zeros(len(rows))
-        missing[0] = (value - self.label(given, name)) * float(slopes[0] @ slopes[0])
+        missing[0] = value - self.label(given, name)
         result: Array = given + np.linalg.pinv(rows) @ missing
         return result
 

@@ -112,11 +112,26 @@ def test_labels_are_those_of_the_skins(model: TextureModel) -> None:
     women = [model.label(c, "gender") for name, c in model.skins.items() if "female" in name]
     men = [model.label(c, "gender") for name, c in model.skins.items() if "female" not in name]
     assert min(women) > max(men)
+    ages = {name: model.label(c, "age") for name, c in model.skins.items()}
+    assert ages["old_darkskinned_male_diffuse"] == max(ages.values())
+    assert max(ages.values()) - np.mean([age for name, age in ages.items() if "young" in name]) == pytest.approx(1.0)
     c = model.sample(5)[0]
     older = model.with_label(c, "age", 0.8)
     assert model.label(older, "age") == pytest.approx(0.8)
     assert model.tone(older) == pytest.approx(model.tone(c))
     assert model.label(older, "gender") == pytest.approx(model.label(c, "gender"))
+
+
+def test_age_folds_the_skin_and_keeps_its_colour(model: TextureModel) -> None:
+    c = model.with_tone(np.zeros(model.n_coefficients), -0.5)
+    young, old = (model.instance(model.with_label(c, "age", age), BARE, size=512).astype(float) for age in (-0.5, 1.0))
+    face = (slice(112, 440), slice(128, 384))
+    brightness = [np.log(image[face].mean(axis=2)) for image in (young, old)]
+    fold = brightness[1] - brightness[0]
+    assert np.quantile(fold, 0.01) < -0.12
+    assert np.abs(np.median(fold)) < 0.05
+    ratio = [np.median(image[face][..., 0] / image[face][..., 2]) for image in (young, old)]
+    assert ratio[1] < 1.25 * ratio[0]
 
 
 def test_random_layers_suit_the_person() -> None:

@@ -45,6 +45,7 @@ class HeadFeature(Feature):
         variety: Standard deviations of random heads, relative to those of people.
         locked: Parts that random heads leave as they are: names of segments, and "skin".
         keeps_features: True if attributes of the person leave those of the face as they are.
+        skin_follows: True if age and gender change a skin of the model, too.
         other: Character to mix with, as a name or path, or "".
         variations: Grid of random heads to choose from.
         caricature: Line through the average, or None before the slider is moved.
@@ -58,6 +59,7 @@ class HeadFeature(Feature):
         self.variety = 0.8
         self.locked: frozenset[str] = frozenset()
         self.keeps_features = False
+        self.skin_follows = True
         self.other = ""
         self.caricature: Line | None = None
         self.mixture: Line | None = None
@@ -254,6 +256,12 @@ class HeadFeature(Feature):
             self._end_drag(keep=False)
         elif not imgui.is_item_active():
             self._end_drag(keep=True)
+
+    def with_attribute(self, identity: Identity, name: str, value: float) -> Identity:
+        """Return the head with another value of an attribute, by the options of the tab."""
+        editor = self.require_editor()
+        keep = editor.attributes.names if self.keeps_features else None
+        return editor.with_attributes(identity, {name: value}, keep, skin_follows=self.skin_follows)
 
     def _end_drag(self, keep: bool) -> None:
         assert self._drag is not None
