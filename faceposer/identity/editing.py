@@ -21,6 +21,7 @@ from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.skin_following import NATURAL_LABELS, following_skin
 from faceposer.identity.skin_layers import SkinLayers, random_layers
+from faceposer.identity.skin_reading import layers_of
 from faceposer.identity.template import HeadTemplate, head_template
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
@@ -266,7 +267,7 @@ class HeadEditor:
         return Identity.of(shape, detail, kept.texture)
 
     def own_texture(self) -> SkinTexture:
-        """Return the texture of the model that is most like the character's own, under usual layers."""
+        """Return the texture of the model that is most like the character's own, and its layers."""
         model = load_texture_model()
         data = self.character.textures.get("skin")
         if data is None:
@@ -276,7 +277,7 @@ class HeadEditor:
         for name, limits in NATURAL_LABELS.items():
             # Painted skins are outside what the model has seen.
             found = model.with_label(found, name, float(np.clip(model.label(found, name), *limits)))
-        return SkinTexture(tuple(found.tolist()), self._usual_layers(self.own))
+        return SkinTexture(tuple(found.tolist()), layers_of(model, found, picture, self._usual_layers(self.own)))
 
     def random_texture(self, seed: int, identity: Identity) -> SkinTexture:
         """Return a random skin that fits the age and gender of ``identity``, reproducible by ``seed``."""

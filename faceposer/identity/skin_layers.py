@@ -21,7 +21,7 @@ FOLDS = np.array([0.35, 0.55, 0.60], dtype=np.float32)
 #: Share of that darkening that skins do not show already.
 FOLDS_SHARE = 0.6
 #: Factors of the skin's colour where stubble shines through it.
-_BELOW = (0.40, 0.47, 0.54)
+STUBBLE_BELOW = (0.40, 0.47, 0.54)
 #: Colours of hair between which those of people lie.
 BLACK_HAIR, _BROWN_HAIR = np.array([0.07, 0.06, 0.055]), np.array([0.40, 0.27, 0.16])
 _RED_HAIR, GREY_HAIR = np.array([0.45, 0.22, 0.12]), np.array([0.62, 0.61, 0.60])
@@ -103,7 +103,7 @@ def painted(
             hair = hair * (1.0 - shown) / np.maximum(1.0 - transmission, np.float32(1e-3))
         if name == "beard":
             # Stubble below the surface of the skin darkens it, least in blue.
-            shown = shown + _BELOW[k] * np.maximum(1.0 - shown - (0.0 if shade is None else shade), 0.0)
+            shown = shown + STUBBLE_BELOW[k] * np.maximum(1.0 - shown - (0.0 if shade is None else shade), 0.0)
         channel = channel * shown + hair
     if lining is not None:
         inside = np.float32(_LINING[k]) + (0.0 if behind is None else behind) * np.float32(_BEHIND_LIPS[k] - _LINING[k])

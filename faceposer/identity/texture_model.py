@@ -41,7 +41,7 @@ _BARE = 244
 #: Deviation of a texture's coarse logarithms apart from the model.
 _NOISE = 0.05
 #: Logarithm by which full redness changes the colour of the lips.
-_LIPSTICK = np.array([0.05, -0.55, -0.35])
+LIPSTICK = np.array([0.05, -0.55, -0.35])
 #: Part of the texture with the face: first and last row and column, as shares.
 _FACE = (0.22, 0.86, 0.25, 0.75)
 #: Density of the brows of average skin in `log_basis`, and standard deviations of redness and densities there.
@@ -135,7 +135,7 @@ class TextureModel:
         luma, (red, blue) = self._logs(c)
         hairs = self._hairs(style, np.exp([np.median(luma) + np.median(plane) for plane in (red, -red - blue, blue)]))
         luma, red, blue = (_resized(plane, SIZE) for plane in (luma, red, blue))
-        lips = (c @ self.lips + style.lip_redness * _LIPSTICK).astype(np.float32)
+        lips = (c @ self.lips + style.lip_redness * LIPSTICK).astype(np.float32)
         texture = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
         for place in _TILES:
             brightness = luma[place] + self._pores * self._grain[place]
@@ -211,10 +211,22 @@ class TextureModel:
         )
         logs[0] += brows * np.float32(_USUAL_BROWS)
         logs[0] += np.log(np.maximum(folds, 0.02)) * (FOLDS * FOLDS_SHARE)[:, None, None]
-        redness = _LIPS_SPREAD * lips * _LIPSTICK[:, None, None]
+        redness = _LIPS_SPREAD * lips * LIPSTICK[:, None, None]
         dark = np.ones((3, 1, 1))
         further = np.stack([redness, _BROWS_SPREAD * brows * dark, _STUBBLE_SPREAD * stubble * dark])
         return logs[0], np.concatenate([logs[1:], further.astype(np.float32)])
+
+    def layer(self, name: str, size: int) -> tuple[Array, Array]:
+        """Return transmission and shade of a layer of hairs such as "beard" or "hair.short", 0..1, (size, size)."""
+        transmission, shade = (
+            _resized(plane / np.float32(255.0), size).astype(np.float64) for plane in self._hair_layer(name).planes
+        )
+        return transmission, shade
+
+    def mask(self, name: str, size: int) -> Array:
+        """Return the share of each texel that is on the "lips" or on the edges with "lashes", (size, size)."""
+        plane = self._masks.planes[{"lips": 0, "lashes": 2}[name]]
+        return _resized(plane / np.float32(255.0), size).astype(np.float64)
 
     def _on_line(self, coefficients: ArrayLike) -> NDArray[np.float32]:
         """Return the factors of the mean and the modes, shape (1 + K,)."""

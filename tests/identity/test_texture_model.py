@@ -11,6 +11,7 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 from faceposer.identity.companion_file import read_companion, save_companion
 from faceposer.identity.skin_layers import SkinLayers, random_layers
+from faceposer.identity.skin_reading import layers_of
 from faceposer.identity.skin_tones import line_tone, scale_tone
 from faceposer.identity.texture_model import FORMAT, LIMIT, NOUN, SIZE, TextureModel, load_texture_model
 from faceposer.resources import asset_path
@@ -106,6 +107,27 @@ def test_skins_are_recognised_under_other_layers(model: TextureModel) -> None:
     half = np.zeros((512, 512))
     half[:, :256] = 1.0
     assert np.abs(model.project(texture, half)[:2] - known[:2]).max() < 0.5
+
+
+@pytest.mark.parametrize(
+    "layers",
+    [
+        SkinLayers("combed", (0.55, 0.4, 0.22), "arched", (0.3, 0.2, 0.1), 0.7, 0.0, 0.8, 0.6),
+        SkinLayers("short", (0.08, 0.07, 0.06), "heavy", (0.1, 0.08, 0.07), 1.0, 0.75, 0.0, 0.3),
+        BARE,
+    ],
+)
+def test_layers_are_read_from_an_image(model: TextureModel, layers: SkinLayers) -> None:
+    c = np.zeros(model.n_coefficients)
+    found = layers_of(model, c, model.instance(c, layers), SkinLayers())
+    assert (found.hair, found.brows) == (layers.hair, layers.brows)
+    assert found.beard == pytest.approx(layers.beard, abs=0.16)
+    assert found.lip_redness == pytest.approx(layers.lip_redness, abs=0.05)
+    assert found.lash_line == pytest.approx(layers.lash_line, abs=0.1)
+    if layers is not BARE:
+        np.testing.assert_allclose(found.hair_colour, layers.hair_colour, atol=0.04)
+        np.testing.assert_allclose(found.brow_colour, layers.brow_colour, atol=0.06)
+        assert found.brow_strength == pytest.approx(layers.brow_strength, abs=0.16)
 
 
 def test_labels_are_those_of_the_skins(model: TextureModel) -> None:
