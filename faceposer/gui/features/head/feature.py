@@ -325,15 +325,24 @@ class HeadFeature(Feature):
         if share <= 0.0:
             return start
         if start.texture is None:
-            start = replace(start, texture=self._own_texture)
+            start = replace(start, texture=self.own_texture)
         return start.mixed(end, share)
 
     @property
-    def _own_texture(self) -> SkinTexture:
+    def own_texture(self) -> SkinTexture:
         """The skin of the model that is most like the character's own."""
-        editor = self.require_editor()
-        if self._own_skin is None or self._own_skin[0] is not editor:
-            self._own_skin = (editor, editor.own_texture())
+        known = self.known_own_texture
+        if known is None:
+            editor = self.require_editor()
+            known = editor.own_texture()
+            self._own_skin = (editor, known)
+        return known
+
+    @property
+    def known_own_texture(self) -> SkinTexture | None:
+        """`own_texture` if it has been estimated."""
+        if self._own_skin is None or self._own_skin[0] is not self.require_editor():
+            return None
         return self._own_skin[1]
 
     # Characters

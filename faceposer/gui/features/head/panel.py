@@ -61,7 +61,7 @@ class HeadPanel:
             self._draw_random(editor)
             self._draw_lines()
             self._draw_attributes(editor)
-            draw_skin(head, editor)
+            draw_skin(head)
         imgui.dummy((0.0, imgui.get_style().item_spacing.y))
         action_button(context.widget_rects, context.actions["head-save"], -1.0)
         imgui.end_child()
