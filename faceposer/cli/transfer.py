@@ -228,17 +228,18 @@ class _Source:
 
 def _source(options: argparse.Namespace) -> _Source:
     from faceposer.cli.opening import open_with_remark, print_notes
-    from faceposer.interchange.reading import MESHES, read_performance, read_pose
+    from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
+    from faceposer.interchange.reading import read_performance, read_pose
     from faceposer.model.performance import Performance
     from faceposer.session.opening import load_model
     from faceposer.training.recordings import WEIGHTS
 
     path: Path = options.source
     suffix = path.suffix.lower()
-    if suffix not in MESHES + WEIGHTS:
+    if suffix not in POSED_MESH_SUFFIXES + WEIGHTS:
         raise FacePoserError(
             f"'{path}' is not a supported source; give a session (.json), weights ({', '.join(WEIGHTS)}) or a posed "
-            f"mesh ({', '.join(MESHES)})."
+            f"mesh ({', '.join(POSED_MESH_SUFFIXES)})."
         )
     if suffix == ".json" and not _holds_weights(path):
         if options.character is not None or options.frames is not None or options.rate is not None:
@@ -251,7 +252,7 @@ def _source(options: argparse.Namespace) -> _Source:
         still = Performance(session.coefficients[None], _DEFAULT_RATE)
         return _Source(session.model, session.animation.performance or still, still, session.document)
     model = load_model(options.character or "man")
-    if suffix in MESHES:
+    if suffix in POSED_MESH_SUFFIXES:
         pose = read_pose(path, model)
         print(printable(f"{path}: {pose.note}"))
         still = Performance(pose.coefficients[None], _DEFAULT_RATE)

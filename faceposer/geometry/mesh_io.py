@@ -25,6 +25,8 @@ _APPLE_DOUBLE = b"\x00\x05\x16\x07"
 _MAX_BYTES_OBJ, _MAX_LINES, _LONGEST_LINE = 160 << 20, 4_000_000, 1 << 22
 # The readers of trimesh take many times the size of a file.
 _MAX_BYTES_TRIMESH = 128 << 20
+#: Suffixes of meshes of poses, whose vertices keep their order.
+POSED_MESH_SUFFIXES = (".obj", ".ply")
 MESH_SUFFIXES = (".obj", ".ply", ".stl", *GLTF_SUFFIXES, ".off")
 
 

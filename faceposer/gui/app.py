@@ -162,6 +162,8 @@ class App(Editor):
         self.window.set_title(displayed(self.files.title, label=False))
         failure = self.gui.frame(lambda: draw_window(self))
         self.gui.cursors.update(self.toolbox)
+        if self.gui.has_queued_input:
+            self.redraw(1)
         ctx, (width, height) = self.window.ctx, self.window.pixels
         ctx.screen.use()
         ctx.viewport = (0, 0, width, height)

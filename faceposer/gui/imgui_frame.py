@@ -69,6 +69,11 @@ class Gui:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     @property
+    def has_queued_input(self) -> bool:
+        """True if events wait for the next frame: of a button pressed and released meanwhile, each gets its own."""
+        return bool(imgui.get_current_context().input_events_queue)
+
+    @property
     def popup_open(self) -> bool:
         """True if a menu, a drop-down list or a dialog is open."""
         flags = imgui.PopupFlags_.any_popup.value

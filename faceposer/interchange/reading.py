@@ -11,7 +11,7 @@ from faceposer.errors import FacePoserError, counted
 from faceposer.files.sample_rates import USUAL_RATE
 from faceposer.files.sample_times import assumed_rate
 from faceposer.geometry.alignment import determines_rotation, rigid_alignment
-from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES, read_mesh
 from faceposer.geometry.polygon_mesh import PolygonMesh
 from faceposer.model.face_model import FaceModel
 from faceposer.model.name_matching import match_with_ties
@@ -23,7 +23,6 @@ from faceposer.training.recordings import GLTF, WEIGHTS, read_named
 
 Array = NDArray[np.float64]
 
-MESHES = (".obj", ".ply")
 # Millimetres per unit of a mesh.
 _MILLIMETRES = 10.0
 # Largest error that is invisible, in millimetres.
@@ -76,10 +75,12 @@ def read_pose(path: Path, model: FaceModel, frame: int = 0) -> ReadPose:
         FacePoserError: If the file cannot be read, belongs to another face, or has no such frame.
     """
     suffix = path.suffix.lower()
-    if suffix in MESHES:
+    if suffix in POSED_MESH_SUFFIXES:
         return pose_of_mesh(read_mesh(path), model, str(path))
     if suffix not in WEIGHTS:
-        raise FacePoserError(f"'{path}' is not a pose; give a file that ends in one of {', '.join(MESHES + WEIGHTS)}.")
+        raise FacePoserError(
+            f"'{path}' is not a pose; give a file that ends in one of {', '.join(POSED_MESH_SUFFIXES + WEIGHTS)}."
+        )
     read = read_performance(path, model)
     count = len(read.performance)
     if not 0 <= frame < count:

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_file
-from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES, read_mesh
 from faceposer.geometry.obj_io import ObjWriter
-from faceposer.interchange.reading import MESHES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of
@@ -62,7 +61,7 @@ class _Face:
     def _displacements(self, entry: KeyFiles) -> NDArray[np.float32]:
         path = entry.source if self.side == "source" else entry.target
         assert path is not None
-        if path.suffix.lower() in MESHES:
+        if path.suffix.lower() in POSED_MESH_SUFFIXES:
             return key_displacements(path, self.character).astype(np.float32)
         if self.model is None:
             raise FacePoserError(
@@ -119,7 +118,31 @@ def compose_keys(folder: KeyFolder, meeting: Meeting = "smooth", progress: Progr
             f"{len(expressions)} emotional and {len(visemes)} verbal keys have {total} combinations, more than "
             f"the maximum of {MOST_KEYS} keys; remove some."
         )
-    done = 0
+    earlier = [name for name, kind in kinds.items() if kind == COMPOSED]
+    try:
+        _compose(folder, (expressions, visemes), entries, earlier, meeting, progress)
+    except BaseException:
+        # Combinations of one side only would make all keys unusable.
+        names = {f"{expression}+{viseme}" for expression in expressions for viseme in visemes}
+        for entry in folder.entries():
+            if entry.name in names and None in (entry.source, entry.target):
+                folder.remove(entry.name)
+        raise
+    base = not any(name.casefold() == "neutral" for name in others)
+    return Composition(len(expressions), len(visemes), total, len(others) + total + base)
+
+
+def _compose(
+    folder: KeyFolder,
+    names: tuple[list[str], list[str]],
+    entries: list[KeyFiles],
+    earlier: list[str],
+    meeting: Meeting,
+    progress: Progress,
+) -> None:
+    """Write the combinations of the emotional and verbal keys ``names`` on both sides, in place of ``earlier`` ones."""
+    expressions, visemes = names
+    done, total = 0, len(expressions) * len(visemes)
     for side in ("source", "target"):
         face = _Face(folder, side, entries)
         alpha = face.importance(visemes, expressions).values
@@ -130,7 +153,7 @@ def compose_keys(folder: KeyFolder, meeting: Meeting = "smooth", progress: Progr
             basis = face.model.basis
             inverse = np.linalg.pinv((basis @ basis.T).astype(np.float64), rcond=1e-10, hermitian=True)
         if side == "source":
-            for name in (name for name, kind in kinds.items() if kind == COMPOSED):
+            for name in earlier:
                 folder.remove(name)
         for expression in expressions:
             for viseme in visemes:
@@ -139,8 +162,6 @@ def compose_keys(folder: KeyFolder, meeting: Meeting = "smooth", progress: Progr
                 face.write(f"{expression}+{viseme}", f"{expression} + {viseme}"[:80], moved, inverse)
                 done += 1
                 progress.at("Composing keys", done / (2 * total))
-    base = not any(name.casefold() == "neutral" for name in others)
-    return Composition(len(expressions), len(visemes), total, len(others) + total + base)
 
 
 def folder_importance(folder: KeyFolder, side: Side) -> tuple[Importance, Character]:

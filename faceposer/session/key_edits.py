@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.files.atomic import atomic_file
-from faceposer.interchange.reading import MESHES, read_performance, read_pose
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import pose_of
 from faceposer.poses.library import safe_stem
@@ -57,7 +57,7 @@ def add_key(
             raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give --target FILE.")
         other = load_model(folder.character("target"))
         return folder.add(pose, proposed(model, other, make_proposer(model, other, proposal), pose), replaces), note
-    if target.suffix.lower() in MESHES:
+    if target.suffix.lower() in POSED_MESH_SUFFIXES:
         if not folder.is_mesh:
             key_displacements(target, load_model(folder.character("target")).character)
         stem = folder.add(pose, None, replaces)
@@ -138,7 +138,7 @@ def _editable(folder: KeyFolder, name: str, side: Side) -> Path:
     if entry is None:
         raise FacePoserError(f"'{folder.folder}' has no key '{name}' any more.")
     path: Path | None = getattr(entry, side)
-    if path is not None and path.suffix.lower() in MESHES:
+    if path is not None and path.suffix.lower() in POSED_MESH_SUFFIXES:
         raise FacePoserError(f"The key '{path}' is a mesh; change it in the program in which it was sculpted.")
     if side == "target" and folder.is_mesh:
         raise FacePoserError(
@@ -162,6 +162,8 @@ def _pose_in(path: Path, model: FaceModel, name: str, frame: int) -> tuple[Pose,
                     "give a pose of this character."
                 )
             return pose_of(model, session.coefficients, name), session.remark
+    from faceposer.interchange.reading import read_pose
+
     read = read_pose(path, model, frame)
     return pose_of(model, read.coefficients, name), read.note
 
@@ -181,6 +183,9 @@ def choose_keys(
             "by one."
         )
     model, target = load_model(folder.character("source")), load_model(folder.character("target"))
+    # Readers of all formats are not needed by the window's start.
+    from faceposer.interchange.reading import read_performance
+
     poses = read_performance(take, model).performance.coefficients
     files = folder.entries()
     taken = {entry.name for entry in files}

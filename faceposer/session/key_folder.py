@@ -16,7 +16,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.writing import write_json
-from faceposer.interchange.reading import MESHES
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.poses.library import safe_stem
 from faceposer.poses.pose_file import Pose, checked_name, read_pose, write_pose
 from faceposer.session.document import absolute_character, portable_character
@@ -29,7 +29,7 @@ DESCRIPTION = "keys.json"
 Side = Literal["source", "target"]
 SIDES: tuple[Side, Side] = ("source", "target")
 #: Suffixes of key poses.
-SUFFIXES = (".json", *MESHES)
+SUFFIXES = (".json", *POSED_MESH_SUFFIXES)
 #: Tags of poses: emotional and verbal keys, which are composed to others, and those.
 EXPRESSION, VISEME, COMPOSED = "expression", "viseme", "composed"
 
@@ -143,14 +143,14 @@ class KeyFolder:
     def character(self, side: Side) -> str:
         """Return the name or path of a character, with paths relative to the folder made absolute."""
         name = self.source if side == "source" else self.target
-        if Path(name).suffix.lower() in MESHES:
+        if Path(name).suffix.lower() in POSED_MESH_SUFFIXES:
             return os.path.normpath((self.folder / name).absolute())
         return absolute_character(name, self.folder.absolute())
 
     @property
     def is_mesh(self) -> bool:
         """True if the target is a mesh without shapes."""
-        return Path(self.target).suffix.lower() in MESHES
+        return Path(self.target).suffix.lower() in POSED_MESH_SUFFIXES
 
     def entries(self) -> list[KeyFiles]:
         """Return the keys of the folder by name, complete or not.
@@ -260,7 +260,7 @@ class KeyFolder:
 
 def portable_target(target: str, folder: Path) -> str:
     """Return the reference to a character or a mesh in the description of the keys in ``folder``."""
-    if Path(target).suffix.lower() not in MESHES:
+    if Path(target).suffix.lower() not in POSED_MESH_SUFFIXES:
         return portable_character(target, folder)
     whole = Path(os.path.normpath(Path(target).absolute()))
     try:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_folder
-from faceposer.interchange.reading import MESHES
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of, weights_on
 from faceposer.poses.library import PoseLibrary, starter_poses
@@ -68,7 +68,7 @@ def create_keys(
     if not chosen:
         where = f"in '{poses}'" if poses is not None else "built in"
         raise FacePoserError(f"There are no poses for the character '{source}' {where}; save poses, and use --poses.")
-    is_mesh = Path(target).suffix.lower() in MESHES
+    is_mesh = Path(target).suffix.lower() in POSED_MESH_SUFFIXES
     other = None if is_mesh else load_model(target)
     with atomic_folder(folder) as temporary:
         keys = KeyFolder(temporary, portable_target(source, folder), portable_target(target, folder), regions=regions)

@@ -11,7 +11,6 @@ from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.geometry.mesh import first_unusable
 from faceposer.geometry.mesh_io import read_mesh
-from faceposer.interchange.reading import pose_of_mesh
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied
@@ -98,6 +97,9 @@ def key_pose(path: Path, model: FaceModel) -> tuple[Array, float]:
     try:
         if path.suffix.lower() == ".json":
             return applied(model, model.neutral(), read_pose(path)), 0.0
+        # Readers of all formats are not needed by the window's start.
+        from faceposer.interchange.reading import pose_of_mesh
+
         coefficients = pose_of_mesh(read_mesh(path), model, str(path)).coefficients
         moved = key_displacements(path, model.character)
         reached = model.instance(coefficients) - model.character.vertices

@@ -37,7 +37,7 @@ class HeadTool(PosingTool):
     def __init__(self, tool_settings: ToolSettings) -> None:
         """Use the shared ``tool_settings``."""
         super().__init__(tool_settings)
-        self.spread = 0.3
+        self.spread = 0.15
         self.locked: frozenset[str] = frozenset()
 
     def usable(self, character: Character) -> bool:

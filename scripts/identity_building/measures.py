@@ -65,8 +65,8 @@ def _difference(one: str, other: str, axis: int) -> tuple[tuple[str, int, float]
 
 
 MEASURES = {
-    "face-length": Measure("Face", "Length of the face", "short", "long", _difference("hairline", "chin bottom", Y)),
-    "face-width": Measure("Face", "Width of the face", "narrow", "wide", (("zygion", X, 2.0),)),
+    "face-length": Measure("Face", "Face length", "short", "long", _difference("hairline", "chin bottom", Y)),
+    "face-width": Measure("Face", "Face width", "narrow", "wide", (("zygion", X, 2.0),)),
     "cheekbones": Measure(
         "Face",
         "Cheekbones",
@@ -82,7 +82,7 @@ MEASURES = {
     ),
     "cheeks": Measure(
         "Face",
-        "Fullness of the cheeks",
+        "Cheek fullness",
         "hollow",
         "full",
         (
@@ -94,61 +94,59 @@ MEASURES = {
             ("mouth corner", Z, -0.35),
         ),
     ),
-    "head-height": Measure("Face", "Height of the skull", "low", "high", _difference("crown", "hairline", Y)),
-    "head-depth": Measure("Face", "Depth of the skull", "short", "long", _difference("glabella", "occiput", Z)),
-    "head-width": Measure("Face", "Width of the skull", "narrow", "wide", (("temple", X, 2.0),), "face-width"),
+    "head-height": Measure("Face", "Skull height", "low", "high", _difference("crown", "hairline", Y)),
+    "head-depth": Measure("Face", "Skull depth", "short", "long", _difference("glabella", "occiput", Z)),
+    "head-width": Measure("Face", "Skull width", "narrow", "wide", (("temple", X, 2.0),), "face-width"),
     "forehead-height": Measure(
-        "Face", "Height of the forehead", "low", "high", _difference("hairline", "glabella", Y), "face-length"
+        "Face", "Forehead height", "low", "high", _difference("hairline", "glabella", Y), "face-length"
     ),
-    "forehead-slope": Measure("Face", "Forehead", "sloping", "upright", _difference("hairline", "glabella", Z)),
-    "jaw-width": Measure("Jaw and chin", "Width of the jaw", "narrow", "wide", (("gonion", X, 2.0),), "face-width"),
+    "forehead-slope": Measure("Face", "Forehead slope", "sloping", "upright", _difference("hairline", "glabella", Z)),
+    "jaw-width": Measure("Jaw and chin", "Jaw width", "narrow", "wide", (("gonion", X, 2.0),), "face-width"),
     "jaw-height": Measure(
-        "Jaw and chin", "Corner of the jaw", "low", "high", _difference("gonion", "chin bottom", Y), "face-length"
+        "Jaw and chin", "Jaw height", "low", "high", _difference("gonion", "chin bottom", Y), "face-length"
     ),
-    "chin-width": Measure(
-        "Jaw and chin", "Width of the chin", "narrow", "wide", (("chin side", X, 2.0),), "face-width"
-    ),
+    "chin-width": Measure("Jaw and chin", "Chin width", "narrow", "wide", (("chin side", X, 2.0),), "face-width"),
     "chin-height": Measure(
-        "Jaw and chin", "Height of the chin", "low", "high", _difference("lower lip", "chin bottom", Y), "face-length"
+        "Jaw and chin", "Chin height", "low", "high", _difference("lower lip", "chin bottom", Y), "face-length"
     ),
-    "chin-projection": Measure("Jaw and chin", "Chin", "receding", "protruding", _difference("chin", "subnasal", Z)),
-    "nose-length": Measure(
-        "Nose", "Length of the nose", "short", "long", _difference("nasion", "subnasal", Y), "face-length"
+    "chin-projection": Measure(
+        "Jaw and chin", "Chin depth", "receding", "protruding", _difference("chin", "subnasal", Z)
     ),
-    "nose-width": Measure("Nose", "Width of the wings", "narrow", "wide", (("wing", X, 2.0),)),
-    "nose-projection": Measure("Nose", "Depth of the nose", "flat", "protruding", _difference("tip", "subnasal", Z)),
+    "nose-length": Measure("Nose", "Nose length", "short", "long", _difference("nasion", "subnasal", Y), "face-length"),
+    "nose-width": Measure("Nose", "Wing width", "narrow", "wide", (("wing", X, 2.0),)),
+    "nose-projection": Measure("Nose", "Nose depth", "flat", "protruding", _difference("tip", "subnasal", Z)),
     "nose-hump": Measure(
-        "Nose", "Bridge of the nose", "hollow", "humped", (("bridge", Z, 1.0), ("nasion", Z, -0.45), ("tip", Z, -0.55))
+        "Nose", "Bridge hump", "hollow", "humped", (("bridge", Z, 1.0), ("nasion", Z, -0.45), ("tip", Z, -0.55))
     ),
-    "nose-tip": Measure("Nose", "Tip of the nose", "drooping", "turned up", _difference("tip", "subnasal", Y)),
-    "nose-bridge-width": Measure("Nose", "Width of the bridge", "narrow", "wide", (("bridge side", X, 2.0),)),
+    "nose-tip": Measure("Nose", "Tip height", "drooping", "turned up", _difference("tip", "subnasal", Y)),
+    "nose-bridge-width": Measure("Nose", "Bridge width", "narrow", "wide", (("bridge side", X, 2.0),)),
     "eye-size": Measure(
         "Eyes",
-        "Size of the eyes",
+        "Eye size",
         "small",
         "large",
         (("eye outer", X, 1.0), ("eye inner", X, -1.0), ("eye outer", Z, -0.3), ("eye inner", Z, 0.3)),
     ),
     "eye-distance": Measure(
-        "Eyes", "Distance of the eyes", "close", "wide", (("eye outer", X, 1.0), ("eye inner", X, 1.0)), "face-width"
+        "Eyes", "Eye distance", "close", "wide", (("eye outer", X, 1.0), ("eye inner", X, 1.0)), "face-width"
     ),
-    "eye-tilt": Measure("Eyes", "Tilt of the eyes", "down", "up", _difference("eye outer", "eye inner", Y)),
-    "eye-opening": Measure("Eyes", "Lids", "narrow", "open", _difference("upper lid", "lower lid", Y)),
+    "eye-tilt": Measure("Eyes", "Eye tilt", "down", "up", _difference("eye outer", "eye inner", Y)),
+    "eye-opening": Measure("Eyes", "Lid opening", "narrow", "open", _difference("upper lid", "lower lid", Y)),
     "eye-depth": Measure(
         "Eyes",
-        "Depth of the eyes",
+        "Eye depth",
         "deep",
         "bulging",
         (("upper lid", Z, 0.5), ("lower lid", Z, 0.5), ("brow middle", Z, -0.5), ("cheekbone", Z, -0.5)),
     ),
     "brow-height": Measure(
         "Brows",
-        "Height of the brows",
+        "Brow height",
         "low",
         "high",
         (("brow inner", Y, 0.5), ("brow middle", Y, 0.5), ("eye outer", Y, -0.5), ("eye inner", Y, -0.5)),
     ),
-    "brow-tilt": Measure("Brows", "Tilt of the brows", "down", "up", _difference("brow outer", "brow inner", Y)),
+    "brow-tilt": Measure("Brows", "Brow tilt", "down", "up", _difference("brow outer", "brow inner", Y)),
     "brow-ridge": Measure(
         "Brows",
         "Brow ridge",
@@ -156,25 +154,23 @@ MEASURES = {
         "heavy",
         (("brow inner", Z, 0.5), ("brow middle", Z, 0.5), ("forehead", Z, -0.5), ("nasion", Z, -0.5)),
     ),
-    "mouth-width": Measure("Mouth", "Width of the mouth", "narrow", "wide", (("mouth corner", X, 2.0),), "face-width"),
+    "mouth-width": Measure("Mouth", "Mouth width", "narrow", "wide", (("mouth corner", X, 2.0),), "face-width"),
     "upper-lip": Measure("Mouth", "Upper lip", "thin", "full", _difference("upper lip", "upper contact", Y)),
     "lower-lip": Measure("Mouth", "Lower lip", "thin", "full", _difference("lower contact", "lower lip", Y)),
     "philtrum": Measure(
-        "Mouth", "Distance of nose and mouth", "short", "long", _difference("subnasal", "upper lip", Y), "face-length"
+        "Mouth", "Philtrum length", "short", "long", _difference("subnasal", "upper lip", Y), "face-length"
     ),
     "mouth-projection": Measure(
         "Mouth",
-        "Mouth",
+        "Mouth depth",
         "receding",
         "protruding",
         (("upper lip", Z, 0.5), ("lower lip", Z, 0.5), ("subnasal", Z, -0.5), ("chin", Z, -0.5)),
     ),
-    "mouth-corners": Measure(
-        "Mouth", "Corners of the mouth", "down", "up", _difference("mouth corner", "upper contact", Y)
-    ),
-    "ear-size": Measure("Ears", "Size of the ears", "small", "large", _difference("ear top", "ear lobe", Y)),
-    "ear-protrusion": Measure("Ears", "Ears", "close", "protruding", _difference("ear back", "ear root", X)),
-    "neck-width": Measure("Neck", "Width of the neck", "narrow", "wide", (("neck side", X, 2.0),)),
+    "mouth-corners": Measure("Mouth", "Corner height", "down", "up", _difference("mouth corner", "upper contact", Y)),
+    "ear-size": Measure("Ears", "Ear size", "small", "large", _difference("ear top", "ear lobe", Y)),
+    "ear-protrusion": Measure("Ears", "Ear angle", "close", "protruding", _difference("ear back", "ear root", X)),
+    "neck-width": Measure("Neck", "Neck width", "narrow", "wide", (("neck side", X, 2.0),)),
 }
 
 #: Attributes of the whole person: name, title, title of its ends.

@@ -9,6 +9,8 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
 from faceposer.poses.pose_file import read_pose
+from faceposer.progress import CancelledError, Progress
+from faceposer.session.key_compositions import compose_keys
 from faceposer.session.key_edits import add_key_pose, propose_again, save_key
 from faceposer.session.key_folder import KeyFolder
 from faceposer.session.key_proposals import PROPOSED, create_keys
@@ -73,6 +75,7 @@ def test_a_proposal_that_is_saved_is_none_any_more(folder: Path) -> None:
     found = read_key_set(folder).key(name)
     assert found is not None
     assert not found.proposed
+    assert found.poses["target"] is not None
     np.testing.assert_allclose(found.poses["target"], made, atol=1e-4)
     propose_again(keys, name)
     again = read_key_set(folder).key(name)
@@ -92,12 +95,11 @@ def test_what_cannot_be_changed_is_refused_and_stays(folder: Path) -> None:
     path.unlink()
     mesh = path.with_suffix(".obj")
     write_obj(mesh, creature.character.vertices + [0.0, 0.5, 0.0], creature.character.polygons)
-    for change in (
-        lambda: save_key(keys, "anger", "target", creature, creature.neutral()),
-        lambda: propose_again(keys, "anger"),
-    ):
-        with pytest.raises(FacePoserError, match=r"anger\.obj' is a mesh"):
-            change()
+    refusal = r"anger\.obj' is a mesh"
+    with pytest.raises(FacePoserError, match=refusal):
+        save_key(keys, "anger", "target", creature, creature.neutral())
+    with pytest.raises(FacePoserError, match=refusal):
+        propose_again(keys, "anger")
     assert mesh.exists()
     assert not path.exists()
     with pytest.raises(FacePoserError, match="no key 'joy' any more"):
@@ -120,6 +122,17 @@ def test_keys_that_cannot_be_used_are_listed_with_the_reason(folder: Path) -> No
     assert anger.poses["target"] is None
     assert anger.problem == "The key has no target."
     assert "ah.json" in ah.problem
+
+
+@pytest.mark.parametrize(("after", "left"), [(2, 6), (7, 9)])
+def test_cancelled_compositions_leave_no_halves(folder: Path, after: int, left: int) -> None:
+    reports: list[float] = []
+    progress = Progress(lambda _, share: reports.append(share), lambda: len(reports) > after)
+    with pytest.raises(CancelledError):
+        compose_keys(KeyFolder.read(folder), progress=progress)
+    keys = read_key_set(folder)
+    assert keys.problem == ""
+    assert len(keys.keys) == left
 
 
 def test_a_target_without_shapes_has_its_keys_as_shapes(folder: Path, tmp_path: Path) -> None:

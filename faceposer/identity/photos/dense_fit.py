@@ -38,11 +38,11 @@ class DenseSettings:
         damping: Enlargement of the diagonal of the curvature.
     """
 
-    weight: float = 0.05
+    weight: float = 0.1
     n_samples: int = 2500
-    levels: tuple[tuple[float, int], ...] = ((4.0, 4), (2.0, 4), (1.0, 4))
+    levels: tuple[tuple[float, int], ...] = ((4.0, 6), (2.0, 6), (1.0, 8))
     n_modes: int = 100
-    segment_steps: int = 4
+    segment_steps: int = 6
     segment_modes: int = 40
     segment_spread: float = 0.4
     damping: float = 0.01
@@ -210,6 +210,8 @@ class DenseFitter:
                 seen = photo.visible(tried, number, posed, self._skin_triangles)
                 mine = photo.chosen(tried, number, seen, np.random.default_rng(1))
                 chosen.append(mine)
+                if tried is state and len(mine):
+                    photo.noise = photo.residual(state, number, mine).size()
                 cost += term.cost(tried, view) + (photo.cost(tried, number, mine) if len(mine) else np.inf)
             costs.append(cost)
             samples.append(chosen)

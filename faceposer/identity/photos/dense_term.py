@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 #: Standard deviation of a colour, 0 to 1, and the number of them from which a sample counts less.
 SIGMA, _DOUBTFUL = 0.04, 3.0
+#: Usual median difference of colours, and limits of the factor on the weight of other photos. The noise falls
+#: as the fit proceeds; hair, glasses and wrinkles leave more of it than bare skin.
+NOISE, _FACTORS = 0.02, (0.1, 3.0)
 # Least cosine between a triangle and the view at which it is compared.
 _FACING = 0.25
 # Number of triangles, in those compared, from which these are drawn.
@@ -36,9 +39,10 @@ class DensePhoto:
         image: Colours, 0 to 1, blurred, shape (h, w, 3).
         skin: Triangles of the face.
         occluders: Triangles of the whole skin that may hide them, vertex ids, shape (T', 3).
-        weight: Weight of all samples together, relative to independent ones.
+        weight: Weight of a sample relative to an independent one, at a noise of `NOISE`.
         n_samples: Number of samples.
         light: The light found last, shape (9, 3).
+        noise: Median difference of colours found last, by which the photo is trusted.
     """
 
     image: Array
@@ -47,11 +51,16 @@ class DensePhoto:
     n_samples: int
     slopes: tuple[Array, Array] = field(init=False)
     light: Array = field(init=False)
+    noise: float = NOISE
 
     def __post_init__(self) -> None:
-        rows, columns = np.gradient(self.image, axis=(0, 1))
-        self.slopes = (columns, rows)
+        self.slopes = (np.asarray(np.gradient(self.image, axis=1)), np.asarray(np.gradient(self.image, axis=0)))
         self.light = np.zeros((9, 3))
+
+    @property
+    def effective_weight(self) -> float:
+        """Weight of a sample relative to an independent one."""
+        return self.weight * float(np.clip((NOISE / max(self.noise, 1e-6)) ** 2, *_FACTORS))
 
     def visible(self, state: FitState, number: int, rest: Array, triangles: NDArray[np.integer]) -> NDArray[np.int64]:
         """Return the samples that the camera sees.
@@ -146,11 +155,11 @@ class DensePhoto:
         return np.concatenate([by_modes[:, :, :n_shape], by_texture, by_modes[:, :, n_shape:], by_camera], axis=2)
 
     def add(self, state: FitState, number: int, samples: NDArray[np.int64], equations: NormalEquations) -> float:
-        """Add the term at ``samples`` to ``equations``, and return the root mean square of the robust residual."""
+        """Add the term at ``samples`` to ``equations``, and return the median difference of colours."""
         found = self.residual(state, number, samples)
-        self.light = found.light
+        self.light, self.noise = found.light, found.size()
         trust = found.trust()
-        scale = np.sqrt(self.weight * self.n_samples / max(len(samples), 1)) / SIGMA
+        scale = np.sqrt(self.effective_weight * self.n_samples / max(len(samples), 1)) / SIGMA
         rows = self.derivatives(state, number, found) * (scale * trust)[:, None, None]
         at = equations.layout.view(number)
         residual = found.values * (scale * trust)[:, None]
@@ -163,7 +172,7 @@ class DensePhoto:
         found = self.residual(state, number, samples)
         squares = (np.abs(found.values).max(axis=1) / (_DOUBTFUL * SIGMA)) ** 2
         robust = 0.5 * _DOUBTFUL**2 * squares / (1.0 + squares)
-        return float(self.weight * self.n_samples * 3.0 * robust.mean())
+        return float(self.effective_weight * self.n_samples * 3.0 * robust.mean())
 
 
 @dataclass(frozen=True, eq=False)

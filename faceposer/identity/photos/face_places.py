@@ -52,7 +52,7 @@ class LandmarkErrors:
     deviations: Array
 
     @classmethod
-    def plain(cls, deviation: float = 0.45) -> "LandmarkErrors":
+    def plain(cls, deviation: float = 0.7) -> "LandmarkErrors":
         """Return independent errors with one ``deviation``, and three times that on the oval."""
         deviations = np.full(N_POINTS, deviation)
         deviations[list(OVAL)] *= 3.0

@@ -114,7 +114,9 @@ def head_from_photos(
             _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
             for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
         ]
-        skin = photo_texture(lit, textures_of(identity.texture)["skin"], basis, places)
+        # The brows are those of the photos.
+        bare = replace(identity.texture, layers=replace(identity.texture.layers, brows="none"))
+        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places)
         textures = {**model.character.textures, "skin": skin}
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))
@@ -177,7 +179,9 @@ def _lit_photo(
     large = FaceCrop.of(face, image, _TEXTURE_HEIGHT)
     x, y = ((there - here) * crop.factor for there, here in zip(large.corner, crop.corner, strict=True))
     size = (large.image.shape[1], large.image.shape[0])
-    return LitPhoto(large.image, camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light)
+    return LitPhoto(
+        large.image.astype(np.float32), camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light
+    )
 
 
 def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity, crops: Sequence[FaceCrop]) -> SkinTexture:

@@ -112,9 +112,9 @@ def fit_points(
         for face in faces
     )
     state = FitState(np.zeros(len(points.identity)), _NO_TEXTURE, views)
-    scales = [math.exp(view.camera.log_scale) for view in views]
     terms = tuple(
-        LandmarkTerm.of(face.landmarks, points, places.errors, scale) for face, scale in zip(faces, scales, strict=True)
+        LandmarkTerm.of(face.landmarks, points, places.errors, math.exp(view.camera.log_scale), view.camera.rotation)
+        for face, view in zip(faces, views, strict=True)
     )
     priors = Priors(prior, tuple((math.log(face.focal), face.focal_spread) for face in faces), strength)
     return minimised(state, terms, priors, progress)

@@ -39,6 +39,10 @@ _HIDDEN = 0.35
 _DARKEST = 0.25
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
 _FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
+#: Landmarks on the brows without their outer ends, whose colours are no skin's, and the distance from them, in
+#: centimetres, that is brow.
+_BROWS = (105, 66, 107, 55, 65, 52, 334, 296, 336, 285, 295, 282)
+_BROW_REACH = (0.1, 0.4)
 # Weight of the mirrored side relative to the own one.
 _MIRRORED = 0.02
 _LEAST = 0.004
@@ -55,7 +59,7 @@ class LitPhoto:
         light: Coefficients of the light in camera axes, shape (9, 3).
     """
 
-    image: Array
+    image: Image32
     camera: FaceCamera
     vertices: Array
     light: Array
@@ -63,13 +67,14 @@ class LitPhoto:
 
 @dataclass(frozen=True, eq=False)
 class Texels:
-    """The texels of the skin.
+    """The texels of the face.
 
     Attributes:
         at: Indices into the flat grid, shape (n,).
         corners: Vertices of their triangles, shape (n, 3).
         shares: Barycentric coordinates, shape (n, 3).
         region: How much each belongs to the face that photos show, 0 to 1, shape (n,).
+        brows: How much each belongs to the brows, 0 to 1, shape (n,).
         mirror: Index in the flat grid of the texel on the other side, shape (n,).
     """
 
@@ -77,6 +82,7 @@ class Texels:
     corners: NDArray[np.integer]
     shares: Array
     region: Array
+    brows: Array
     mirror: NDArray[np.int64]
 
     def of_vertices(self, values: Array) -> Array:
@@ -86,16 +92,20 @@ class Texels:
 
 
 @lru_cache(maxsize=1)
-def skin_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
-    """Return the texels of the skin of the built-in heads, prepared at the first call."""
+def face_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
+    """Return the texels of the face of the built-in heads, prepared at the first call."""
+    from scipy.spatial import cKDTree
+
     character = basis.character
     triangles = basis.editor.template.triangles
     ids = character.triangle_uvs[: len(triangles)]
     pixels = np.stack([character.uv[:, 0], 1.0 - character.uv[:, 1]], axis=1).astype(np.float64) * _SIDE
     faces, weights = visible_triangles(pixels, np.ones(len(pixels)), ids, (_SIDE, _SIDE))
-    at = np.flatnonzero(faces >= 0)
-    corners, shares = triangles[faces[at]], weights[at]
     region = _region(character, basis.n_skin, places)
+    covered = np.flatnonzero(faces >= 0)
+    # Only those of the face, for the memory's sake.
+    at = covered[(region[triangles[faces[covered]]] > 0.0).any(axis=1)]
+    corners, shares = triangles[faces[at]], weights[at]
     # The opposite texel: that of the mirrored vertices, whose texture coordinates are those of any of their corners.
     place_of = np.zeros((basis.n_skin, 2))
     place_of[triangles.ravel()] = pixels[ids.ravel()]
@@ -105,7 +115,10 @@ def skin_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
     cells = np.clip(target.astype(np.int64), 0, _SIDE - 1)
     # Corners on both sides of a seam of the layout have no common place.
     mirror = np.where(spread < 0.03 * _SIDE, cells[:, 1] * _SIDE + cells[:, 0], at)
-    return Texels(at, corners, shares, np.einsum("nc,nc->n", shares, region[corners]), mirror)
+    known = places.points.positions(character.vertices, character.triangles)[list(_BROWS)]
+    brows = 1.0 - _smooth(cKDTree(known).query(character.vertices[: basis.n_skin])[0], _BROW_REACH)
+    inside, hairy = (np.einsum("nc,nc->n", shares, values[corners]) for values in (region, brows))
+    return Texels(at, corners, shares, inside, hairy, mirror)
 
 
 def _region(character: Character, n_skin: int, places: FacePlaces) -> Array:
@@ -138,24 +151,29 @@ def photo_texture(photos: Sequence[LitPhoto], under: bytes, basis: HeadBasis, pl
     Raises:
         FacePoserError: If ``under`` cannot be decoded.
     """
-    texels = skin_texels(basis, places)
-    model = _grid(under)
-    total, share = np.zeros((_SIDE * _SIDE, 3)), np.zeros(_SIDE * _SIDE)
+    return blended([_layer(photos, _grid(under), basis, places)], under)
+
+
+def _layer(photos: Sequence[LitPhoto], model: Array, basis: HeadBasis, places: FacePlaces) -> Layer:
+    """Return the colours of the face in ``photos``, own and mirrored, with ``model``, (side², 3), for comparison."""
+    texels = face_texels(basis, places)
+    total = np.zeros((_SIDE * _SIDE, 3), dtype=np.float32)
+    share = np.zeros(_SIDE * _SIDE, dtype=np.float32)
     for photo in photos:
         colours, weights = _seen(photo, texels, basis)
         weights = weights * _plausible(colours, weights, model, texels)
-        total[texels.at] += weights[:, None] * colours
-        share[texels.at] += weights
-    opposite = _MIRRORED * share[texels.mirror]
-    both, sides = total.copy(), share.copy()
-    both[texels.at] += opposite[:, None] * (total[texels.mirror] / np.maximum(share[texels.mirror], 1e-9)[:, None])
-    sides[texels.at] += opposite
-    colours = 255.0 * np.clip(both / np.maximum(sides, 1e-9)[:, None], 0.0, 1.0)
-    known = (sides > _LEAST).reshape(_SIDE, _SIDE)
+        total[texels.at] += (weights[:, None] * colours).astype(np.float32)
+        share[texels.at] += weights.astype(np.float32)
+    other_side = share[texels.mirror]
+    opposite = total[texels.mirror] / np.maximum(other_side, 1e-9)[:, None]
+    total[texels.at] += (_MIRRORED * other_side)[:, None] * opposite
+    share[texels.at] += _MIRRORED * other_side
+    total *= 255.0 / np.maximum(share, 1e-9)[:, None]
+    known = (share > _LEAST).reshape(_SIDE, _SIDE)
+    filled = _extended(np.clip(total, 0.0, 255.0).reshape(_SIDE, _SIDE, 3), known)
     factor = _TEXTURE // _SIDE
-    filled = _extended(colours.reshape(_SIDE, _SIDE, 3).astype(np.float32), known)
     large = ndimage.zoom(filled, (factor, factor, 1), order=1, grid_mode=True, mode="nearest")
-    return blended([Layer(large, np.repeat(np.repeat(known, factor, 0), factor, 1))], under)
+    return Layer(large, np.repeat(np.repeat(known, factor, 0), factor, 1))
 
 
 def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Array]:
@@ -193,7 +211,7 @@ def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Arr
 
 def _plausible(colours: Array, weights: Array, model: Array, texels: Texels) -> Array:
     """Return factors on the weights of texels: less where smooth colours are not of this skin, (n,)."""
-    logs = np.zeros((_SIDE * _SIDE, 4))
+    logs = np.zeros((_SIDE * _SIDE, 4), dtype=np.float32)
     logs[texels.at, :3] = np.log(np.maximum(colours, 0.02)) - np.log(np.maximum(model[texels.at], 0.02))
     logs[texels.at, :3] *= weights[:, None]
     logs[texels.at, 3] = weights
@@ -201,8 +219,7 @@ def _plausible(colours: Array, weights: Array, model: Array, texels: Texels) -> 
     smooth = grid[texels.at, :3] / np.maximum(grid[texels.at, 3:], 1e-6)
     usual = np.median(smooth[weights > 0.5], axis=0) if (weights > 0.5).any() else np.zeros(3)
     off = np.abs(smooth - usual).max(axis=1)
-    # Lips and brows of people differ more than their skin.
-    result: Array = 1.0 - _smooth(off, (_FOREIGN, 2.0 * _FOREIGN))
+    result: Array = np.maximum(1.0 - _smooth(off, (_FOREIGN, 2.0 * _FOREIGN)), texels.brows)
     return result
 
 

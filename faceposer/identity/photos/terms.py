@@ -10,11 +10,14 @@ from faceposer.identity.photos.face_places import LandmarkErrors
 from faceposer.identity.photos.head_basis import ExpressionPrior, FacePoints
 from faceposer.identity.photos.unknowns import FitState, NormalEquations, ViewState
 from faceposer.landmarks.points import EYE_CORNERS, Landmarks
+from faceposer.landmarks.reference import reference
 
 Array = NDArray[np.float64]
 
 #: Standard deviation of the middle of an iris in a photo, in centimetres of the face.
 _PUPIL = 0.06
+# Cosine between skin and view from which a landmark counts fully, and the least factor on its residual.
+_FACING, _LEAST_TRUST = 0.4, 0.15
 # Residuals in standard deviations from which a point counts less (Cauchy's function).
 _DOUBTFUL = 4.0
 
@@ -45,15 +48,30 @@ class LandmarkTerm:
     roots: Array
 
     @classmethod
-    def of(cls, found: Landmarks, points: FacePoints, errors: LandmarkErrors, scale: float) -> "LandmarkTerm":
-        """Return the term of the landmarks ``found`` in a photo with ``scale`` pixels per centimetre of the face."""
+    def of(
+        cls, found: Landmarks, points: FacePoints, errors: LandmarkErrors, scale: float, rotation: Array | None = None
+    ) -> "LandmarkTerm":
+        """Return the term of the landmarks ``found`` in a photo.
+
+        Args:
+            found: The landmarks.
+            points: The points of the face.
+            errors: Errors of the landmarks.
+            scale: Pixels per centimetre of the face.
+            rotation: Rotation from face to camera, (3, 3), by which landmarks that face away count less; they are
+                guesses. None if all count.
+        """
         n = len(points.mean)
         turn = scale * upright(found)
         mean, modes = np.zeros((n, 2)), np.zeros((len(errors.modes), n, 2))
         mean[:-2], modes[:, :-2] = errors.mean @ turn.T, errors.modes @ turn.T
         deviations = np.concatenate([errors.deviations, [_PUPIL, _PUPIL]]) * scale
         pixels = np.concatenate([found.points[:, :2], found.iris[:, 0, :2]])
-        return cls(points, pixels, mean, modes, 1.0 / deviations)
+        roots = 1.0 / deviations
+        if rotation is not None:
+            facing = -reference().normals @ rotation[2]
+            roots[:-2] *= np.clip(facing / _FACING, _LEAST_TRUST, 1.0)
+        return cls(points, pixels, mean, modes, roots)
 
     def residual(self, state: FitState, view: ViewState) -> Array:
         """Return the residuals in deviations, shape (470, 2)."""

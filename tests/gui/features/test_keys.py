@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from faceposer.animation.keyframes import Keyframes
+from faceposer.geometry.obj_io import write_obj
 from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.transfer.feature import TransferFeature
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.interchange.reading import Performance
+from faceposer.model.performance import Performance
 from faceposer.poses.pose_file import read_pose
 from faceposer.session.key_proposals import PROPOSED, create_keys
 from faceposer.session.key_set import KeySet
@@ -104,11 +105,11 @@ def test_an_edited_key_changes_the_clone_and_the_session_comes_back(robot: Robot
 
     x, y = robot.at("8.3")
     robot.drag((x, y), (x + 8, y - 22))
-    assert app.session.dirty
+    assert feature(robot).editing.changed
     robot.key("Ctrl+S")
     finish(robot)
-    assert not app.session.dirty
-    assert not app.dialogs.open, "the key is saved, not a session"
+    assert not robot.app.session.dirty
+    assert not robot.app.dialogs.open, "the key is saved, not a session"
     assert read_pose(pair).name == old.name
     assert read_pose(pair).tags == old.tags
     changed = clone_of(robot, "happiness")
@@ -162,7 +163,7 @@ def test_the_present_pose_becomes_a_key_with_a_proposal(robot: Robot, folder: Pa
     robot.type("Crooked")
     robot.click_widget("text:accept")
     finish(robot)
-    assert "already has a key" in robot.app.dialogs.waiting[0].text  # type: ignore[union-attr]
+    assert "already has a key" in robot.app.dialogs.waiting[0].text
 
 
 def test_sides_are_replaced_proposed_and_removed_by_the_menu(robot: Robot, folder: Path) -> None:
@@ -202,6 +203,7 @@ def test_the_animation_is_covered_and_the_best_frame_shown(robot: Robot) -> None
     poses = np.zeros((40, model.n_coefficients))
     smile = keys_of(robot).key("happiness")
     assert smile is not None
+    assert smile.poses["source"] is not None
     poses[:] = np.linspace(0.0, 1.0, 40)[:, None] * smile.poses["source"]
     poses[27] = model.coefficients_of({"cheekPuff": 1.0, "noseSneerLeft": 1.0})
     app.feature(TimelineFeature).change(Keyframes.of_performance(Performance(poses, 30.0)), "Take")
@@ -225,6 +227,19 @@ def test_the_animation_is_covered_and_the_best_frame_shown(robot: Robot) -> None
     covered = feature(robot).covering.of_animation(keys_of(robot))
     assert covered is not None
     assert covered.distances[27] < 0.1 * covered.limit
+
+
+def test_keys_that_are_meshes_are_not_edited_here(robot: Robot, folder: Path) -> None:
+    model = keys_of(robot).models["target"]
+    assert model is not None
+    (folder / "target" / "fear.json").unlink()
+    write_obj(folder / "target" / "fear.obj", model.character.vertices * 1.01, model.character.polygons)
+    feature(robot).opened.read()
+    finish(robot)
+    robot.click_widget("key:fear:target")
+    assert "change it in the program in which it was sculpted" in robot.app.dialogs.waiting[0].text
+    robot.key("Enter")
+    assert robot.app.session.model.character.name == "low"
 
 
 def test_importance_is_shown_on_the_face(robot: Robot) -> None:

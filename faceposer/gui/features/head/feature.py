@@ -18,13 +18,15 @@ from faceposer.gui.widgets.dialogs import TextQuestion
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.model.character_file import load_character, save_character
 from faceposer.progress import Progress
-from faceposer.session.character_library import LONGEST_TITLE
+from faceposer.session.character_library import LONGEST_TITLE, LibraryEntry
 from faceposer.session.jobs import ThreadJob
 from faceposer.tools.head_tool import HeadTool
 
 if TYPE_CHECKING:
     from faceposer.identity.editing import HeadEditor
 
+# Shipped characters whose heads are of other topologies.
+_NO_PEOPLE = ("creature", "low")
 #: Name of the part of a head beside the segments of its shape.
 SKIN = "skin"
 
@@ -283,6 +285,9 @@ class HeadFeature(Feature):
 
     def randomise(self) -> None:
         """Change to a random head; what is locked stays."""
+        if self.locked >= {*self.require_editor().segment_names, SKIN}:
+            self.context.notify("Nothing changes, since all parts are locked: click one in the tab Head to unlock it")
+            return
         self._seed += 1
         self.set_identity(self.random_head(self._seed), "Random head")
 
@@ -304,6 +309,10 @@ class HeadFeature(Feature):
     def restore_original(self) -> None:
         """Return to the head of the character's file."""
         self.set_identity(None, "Original head")
+
+    def mixes(self, entry: LibraryEntry) -> bool:
+        """Return True if the character ``entry`` may have a head to mix with: of those shipped, only people do."""
+        return entry.home != "installed" or entry.name not in _NO_PEOPLE
 
     def other_head(self) -> Identity | None:
         """Return the head of the character to mix with, or None without one.
@@ -368,4 +377,4 @@ class HeadFeature(Feature):
         path: Path = library.new_path(stem)
         character = context.session.model.character
         save_character(path, replace(character, name=path.stem, title=title))
-        context.notify(f"Saved {title}: it is in the list of characters")
+        context.notify(f"Saved {title}. It is in the list of characters at the top of the panel.")

@@ -30,14 +30,16 @@ if TYPE_CHECKING:
 
 # Distances from the average, relative to people, up to which a head is described by each text.
 _LIKELIHOODS = (
-    (0.6, "close to the average"),
-    (1.25, "as people differ"),
+    (0.6, "nearly average"),
+    (1.25, "like most people"),
     (1.8, "unusual"),
-    (float("inf"), "beyond people"),
+    (float("inf"), "unlike people"),
 )
 _CLAMP = imgui.SliderFlags_.clamp_on_input.value
 _MOST_CARICATURE, _MOST_VARIETY = 2.5, 1.5
 _SAME = 1e-3
+# Width of the labels of attributes, in font sizes.
+_LABEL = 7.6
 
 
 class HeadPanel:
@@ -70,7 +72,7 @@ class HeadPanel:
         """Draw the options of the tool that drags points of the head."""
         tool, context = self._head.tool, self._head.context
         heading(context.fonts, tool.label)
-        row_label("Spread", "Share of the head that follows a dragged point")
+        row_label("Head spread", "Share of the head that follows a dragged point")
         imgui.set_next_item_width(-1.0)
         _, tool.spread = slider("##head-spread", tool.spread, 0.0, 1.0, "%.2f", _CLAMP)
         context.widget_rects.record("head:spread")
@@ -79,8 +81,10 @@ class HeadPanel:
     def _draw_likelihood(self, editor: "HeadEditor") -> None:
         distance = editor.distance(self._head.identity)
         words = next(text for limit, text in _LIKELIHOODS if distance <= limit)
-        row_label("Likelihood", "Distance from the average in standard deviations of people: 0 average, about 1 people")
-        imgui.text_unformatted(shortened(f"{words} ({distance:.2f})", imgui.get_content_region_avail().x))
+        tip = f"Distance from the average head: {distance:.2f}, in standard deviations of people. People have about 1."
+        row_label("Likelihood", tip)
+        imgui.text_unformatted(shortened(words, imgui.get_content_region_avail().x))
+        tooltip(tip)
 
     # Random heads
 
@@ -145,7 +149,7 @@ class HeadPanel:
     def _draw_mixture(self) -> None:
         head, context = self._head, self._head.context
         row_label("Mix with", "Another character with the same mesh, towards which the slider moves this head")
-        entries = context.characters.all(context.settings.characters)
+        entries = [one for one in context.characters.all(context.settings.characters) if head.mixes(one)]
         titles = {entry.name: entry.title for entry in entries}
         imgui.set_next_item_width(-1.0)
         opened = imgui.begin_combo("##head-other", titles.get(head.other, "Choose a character"))
@@ -219,7 +223,8 @@ class HeadPanel:
         value = head.values[name]
         low, high = attribute.limits
         measured = f" ({attribute.measurement(value):.1f} cm)" if attribute.unit == "cm" else ""
-        row_label(attribute.title, f"{attribute.title}{measured}\n{attribute.less} to {attribute.more}; 0 is average")
+        tip = f"{attribute.title}{measured}\n{attribute.less} to {attribute.more}; 0 is average"
+        row_label(attribute.title, tip, _LABEL)
         imgui.set_next_item_width(slider_room())
         changed, new = slider(f"##{name}", value, min(low, value), max(high, value), "%.2f", _CLAMP)
         context.widget_rects.record(f"head:{name}")

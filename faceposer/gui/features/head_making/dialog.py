@@ -37,7 +37,7 @@ _AROUND = 14.0
 _BUTTONS = {
     "form": (("find", "Find landmarks"), ("cancel", "Cancel")),
     "landmarks": (("fit", "Fit"), ("back", "Back"), ("cancel", "Cancel")),
-    "result": (("open", "Save and open"), ("cancel", "Discard")),
+    "result": (("open", "Save and open"), ("again", "Back"), ("cancel", "Discard")),
 }
 # Distance in font sizes within which the pointer takes a landmark.
 _REACH = 0.9
@@ -119,6 +119,7 @@ class HeadDialog:
                 "find": head.find,
                 "fit": head.fit,
                 "back": head.back,
+                "again": head.fit_again,
                 "open": head.save,
                 "cancel": head.close_dialog,
             }
@@ -134,7 +135,7 @@ class HeadDialog:
         for i, path in enumerate(list(head.files)):
             row_label(label if i == 0 else "", width=_LABEL)
             if imgui.button(f"{Icon.CLOSE}##file{i}", (em(1.9), 0.0)):
-                head.files.remove(path)
+                head.remove(path)
             rects.record(f"{prefix}:{i}:remove")
             tooltip(f"Remove this {words.noun}")
             imgui.same_line()
@@ -170,6 +171,7 @@ class HeadDialog:
         marked: Marked = head.marked[head.shown]
         low, side = self._draw_picture(marked.image)
         factor = side / marked.image.shape[1]
+        hovered = imgui.is_item_hovered()
         near = self._dragged or self._nearest(marked, low, factor)
         self._drag(low, factor)
         draw = imgui.get_window_draw_list()
@@ -178,8 +180,12 @@ class HeadDialog:
             colour = ACCENT if name in marked.moved or name == near else INK
             draw.add_circle_filled(centre, em(0.22), u32(colour))
             draw.add_circle(centre, em(0.26), u32((0.0, 0.0, 0.0, 0.7)))
-        if near is not None and imgui.is_item_hovered():
-            tooltip(_titles().get(near, near))
+        if near is not None and (hovered or self._dragged):
+            u, v = head.marked[head.shown].pixels[near]
+            at = ImVec2(low.x + factor * u + em(0.6), low.y + factor * v - em(0.6))
+            title = _titles().get(near, near)
+            draw.add_text(ImVec2(at.x + 1.0, at.y + 1.0), u32((0.0, 0.0, 0.0, 1.0)), title)
+            draw.add_text(at, u32(INK), title)
 
     def _drag(self, low: ImVec2, factor: float) -> None:
         head, mouse = self._head, imgui.get_mouse_pos()

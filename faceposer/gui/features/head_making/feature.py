@@ -235,6 +235,13 @@ class HeadMakingFeature(Feature, Generic[M, H]):
             self.title = self.title or path.stem.replace("_", " ").replace("-", " ").strip().title()
         self.context.redraw()
 
+    def remove(self, path: str) -> None:
+        """Remove the file ``path`` from the list."""
+        self.files.remove(path)
+        self.error = ""
+        if not self.files:
+            self.title = ""
+
     # Landmarks
 
     def find(self) -> None:
@@ -255,6 +262,10 @@ class HeadMakingFeature(Feature, Generic[M, H]):
         self.error = ""
         self.fitting = ThreadJob(self.work_of_fitting(tuple(self.marked)), self.context.wake, "Preparing")
         self.context.redraw()
+
+    def fit_again(self) -> None:
+        """Return from the result to the landmarks."""
+        self.result, self.error = None, ""
 
     def stop(self) -> None:
         """Cancel the work; nothing is written."""
@@ -301,6 +312,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
             self.error = str(error)
             return
         self.close_dialog()
+        self.context.notify(f"Saved {result.character.title}. It is in the list of characters at the top of the panel.")
         self.opened(result, path)
 
     def close(self) -> None:

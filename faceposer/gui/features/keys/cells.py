@@ -35,10 +35,15 @@ class KeyCells:
         side, gap = round(em(_PICTURE)), round(em(_GAP))
         room = imgui.get_window_width() - imgui.get_style().scrollbar_size
         columns = max(int((room + gap) // (2 * side + 1 + gap)), 1)
+        size = ImVec2(2 * side + 1, side + imgui.get_text_line_height() + em(_BAR + 0.1))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, round(em(0.3))))
         for i, key in enumerate(listed):
             if i % columns:
                 imgui.same_line()
+            # Hundreds of pairs beyond the edge of the list would slow every frame down.
+            if not imgui.is_rect_visible(size):
+                imgui.dummy(size)
+                continue
             imgui.push_id(widget_id(key.name))
             imgui.begin_group()
             self._draw_pair(key, side, strengths.get(key.name))

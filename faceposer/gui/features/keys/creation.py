@@ -7,6 +7,7 @@ from typing import get_args
 from imgui_bundle import imgui
 
 from faceposer.files import paths
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.gui.context import EditorContext
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.basic import caption, choice
@@ -16,7 +17,6 @@ from faceposer.gui.widgets.sliders import row_label
 from faceposer.gui.widgets.text import displayed, widget_id
 from faceposer.gui.widgets.theme import Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
-from faceposer.interchange.reading import MESHES
 from faceposer.session.key_folder import SUFFIXES
 from faceposer.session.key_proposals import Proposal
 
@@ -122,14 +122,14 @@ class CreationDialog:
     @property
     def is_mesh(self) -> bool:
         """True if the target is a mesh without shapes."""
-        return Path(self.to).suffix.lower() in MESHES
+        return Path(self.to).suffix.lower() in POSED_MESH_SUFFIXES
 
     def _ask_for_target(self) -> None:
         def chosen(path: Path) -> None:
             self.to = str(path)
             self._titles.setdefault(self.to, path.stem)
 
-        suffixes = (".npz", *MESHES)
+        suffixes = (".npz", *POSED_MESH_SUFFIXES)
         folder = last_folder(self._context.settings)
         self._context.ask_for_file(FileRequest("open", "Choose target", "Characters", suffixes, folder, chosen))
 

@@ -47,7 +47,7 @@ class KeysPanel:
         rows = imgui.get_frame_height() + em(2 * _PAD)
         keys = self._keys.opened.keys
         if keys is None:
-            return round(rows + imgui.get_text_line_height() + em(_PAD))
+            return round(rows + 2.0 * imgui.get_text_line_height_with_spacing() + em(_PAD))
         if self._keys.covering.of_animation(keys) is not None:
             rows += imgui.get_frame_height() + em(_PAD)
         return round(rows + em(_LIST) + em(_PAD))

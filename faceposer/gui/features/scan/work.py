@@ -137,8 +137,8 @@ def fit_head(marked: Sequence[MarkedScan], detail: bool, texture: bool, title: s
     character = character_of(made.skin, name=file_stem(shown), title=shown, textures=made.textures, credits=credits)
     report = made.report
     text = (
-        f"Distance of the head from the scan: {report['surface_mm_median']:.2f} mm median, "
-        f"{report['surface_mm_mean']:.2f} mm mean. Left the scan, middle the head, right their distance, from blue to "
-        "red at 2 mm."
+        f"Distance of the face from the scan: {report['surface_mm_median']:.2f} mm (median). Left the scan, middle the "
+        "head, right the distance, from blue at 0 to red at 2 mm and more. Hair, lids, ears and neck are not "
+        "followed."
     )
     return MadeHead(character, text, distance_map(shipped_basis(), made.scans[0]))
