@@ -8,6 +8,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import convert
 from faceposer.identity.editing import HeadEditor, edited_character, is_editable
+from faceposer.identity.head_choices import changed_head
 from faceposer.identity.identity import Identity, IdentityJson, SkinTexture
 from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.texture_model import load_texture_model
@@ -97,6 +98,10 @@ def test_the_skin_follows_age_and_gender(editor: HeadEditor) -> None:
     assert editor.with_attributes(young, {"age": 1.0}, skin_follows=False).texture is young.texture
     assert editor.with_attributes(young, {"weight": 1.0}).texture is young.texture
     assert editor.with_attributes(editor.own, {"age": 1.0}).texture is None
+    toned = changed_head(editor, editor.own, values={"age": 1.2}, tone=0.5).texture
+    own = editor.own_texture()
+    assert model.tone(toned.coefficients) == pytest.approx(0.5)
+    assert model.label(toned.coefficients, "age") > model.label(own.coefficients, "age") + 0.5
 
 
 def test_identities_survive_their_file(editor: HeadEditor) -> None:
