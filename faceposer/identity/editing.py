@@ -19,7 +19,9 @@ from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
+from faceposer.identity.skin_following import NATURAL_LABELS, following_skin
 from faceposer.identity.skin_layers import SkinLayers, random_layers
+from faceposer.identity.skin_reading import layers_of
 from faceposer.identity.template import HeadTemplate, head_template
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
@@ -30,8 +32,6 @@ Array = NDArray[np.float64]
 # Largest and least standard deviation in centimetres of what a character's own head has outside the statistics, per
 # coordinate, number of vertices in which that counts as independent, and rounds in which it is estimated.
 _NOISE, _LEAST_NOISE, _INDEPENDENT, _ROUNDS = 0.3, 0.005, 200, 5
-# Natural range of the labels of skins.
-_NATURAL_LABELS = (-1.0, 1.0)
 #: Multiples of the deviation from the average at which a caricature becomes grotesque.
 GROTESQUE = 2.5
 
@@ -202,7 +202,12 @@ class HeadEditor:
         return self.attributes.measure(self.aligned_skin(identity))
 
     def with_attributes(
-        self, identity: Identity, values: Mapping[str, float], keep: Collection[str] | None = None, seed: int = 0
+        self,
+        identity: Identity,
+        values: Mapping[str, float],
+        keep: Collection[str] | None = None,
+        seed: int = 0,
+        skin_follows: bool = True,
     ) -> Identity:
         """Return the head that measures ``values``.
 
@@ -212,6 +217,7 @@ class HeadEditor:
             keep: Attributes that keep their values besides. If None, attributes of the face keep all others; those of
                 the person, such as age, keep each other and change the face as people of that kind differ.
             seed: As for ``HeadAttributes.changed``.
+            skin_follows: Take a skin of the texture model along with age and gender.
 
         Raises:
             FacePoserError: As for ``HeadAttributes.changed``.
@@ -220,7 +226,11 @@ class HeadEditor:
             keep = self.attributes.names
         skin = self.aligned_skin(identity)
         changed = self.attributes.changed(skin, values, keep, seed)
-        return self._moved(identity, self.template.control(changed - skin))
+        result = self._moved(identity, self.template.control(changed - skin))
+        if result.texture is None or not skin_follows or not NATURAL_LABELS.keys() & values.keys():
+            return result
+        before = self.attributes.measure(skin)
+        return dataclasses.replace(result, texture=following_skin(result.texture, before, {**before, **values}))
 
     def _moved(self, identity: Identity, offsets: Array) -> Identity:
         """Return the head with control vertices moved by ``offsets``, (C, 3), by the modes as far as they span them."""
@@ -257,24 +267,24 @@ class HeadEditor:
         return Identity.of(shape, detail, kept.texture)
 
     def own_texture(self) -> SkinTexture:
-        """Return the texture of the model that is most like the character's own, under usual layers."""
+        """Return the texture of the model that is most like the character's own, and its layers."""
         model = load_texture_model()
         data = self.character.textures.get("skin")
         if data is None:
             return SkinTexture((0.0,) * model.n_coefficients)
         picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
         found = np.clip(model.project(picture), -LIMIT, LIMIT)
-        for name in ("age", "gender"):
+        for name, limits in NATURAL_LABELS.items():
             # Painted skins are outside what the model has seen.
-            found = model.with_label(found, name, float(np.clip(model.label(found, name), *_NATURAL_LABELS)))
-        return SkinTexture(tuple(found.tolist()), self._usual_layers(self.own))
+            found = model.with_label(found, name, float(np.clip(model.label(found, name), *limits)))
+        return SkinTexture(tuple(found.tolist()), layers_of(model, found, picture, self._usual_layers(self.own)))
 
     def random_texture(self, seed: int, identity: Identity) -> SkinTexture:
         """Return a random skin that fits the age and gender of ``identity``, reproducible by ``seed``."""
         model = load_texture_model()
         drawn = model.sample(seed)[0]
         values = self.measure(identity)
-        age, gender = (float(np.clip(values[name], *_NATURAL_LABELS)) for name in ("age", "gender"))
+        age, gender = (float(np.clip(values[name], *NATURAL_LABELS[name])) for name in ("age", "gender"))
         for name, value in (("age", age), ("gender", gender)):
             drawn = model.with_label(drawn, name, value)
         tone = model.tone(drawn)

@@ -134,6 +134,9 @@ def changed_head(
     wanted = checked_values(editor.attributes, values or {})
     if caricature != 1.0:
         identity = identity.scaled(caricature)
+    if tone is not None and skin is None and identity.texture is None:
+        # A skin with a tone also follows age and gender, as that of the character would.
+        identity = dataclasses.replace(identity, texture=editor.own_texture())
     if wanted:
         identity = editor.with_attributes(identity, wanted, seed=seed)
     return with_skin(editor, identity, skin, tone, seed)

@@ -21,10 +21,10 @@ FOLDS = np.array([0.35, 0.55, 0.60], dtype=np.float32)
 #: Share of that darkening that skins do not show already.
 FOLDS_SHARE = 0.6
 #: Factors of the skin's colour where stubble shines through it.
-_BELOW = (0.40, 0.47, 0.54)
-#: Colours of hair between which those of random people lie.
-_BLACK_HAIR, _BROWN_HAIR = np.array([0.07, 0.06, 0.055]), np.array([0.40, 0.27, 0.16])
-_RED_HAIR, _GREY_HAIR = np.array([0.45, 0.22, 0.12]), np.array([0.62, 0.61, 0.60])
+STUBBLE_BELOW = (0.40, 0.47, 0.54)
+#: Colours of hair between which those of people lie.
+BLACK_HAIR, _BROWN_HAIR = np.array([0.07, 0.06, 0.055]), np.array([0.40, 0.27, 0.16])
+_RED_HAIR, GREY_HAIR = np.array([0.45, 0.22, 0.12]), np.array([0.62, 0.61, 0.60])
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def painted(
             hair = hair * (1.0 - shown) / np.maximum(1.0 - transmission, np.float32(1e-3))
         if name == "beard":
             # Stubble below the surface of the skin darkens it, least in blue.
-            shown = shown + _BELOW[k] * np.maximum(1.0 - shown - (0.0 if shade is None else shade), 0.0)
+            shown = shown + STUBBLE_BELOW[k] * np.maximum(1.0 - shown - (0.0 if shade is None else shade), 0.0)
         channel = channel * shown + hair
     if lining is not None:
         inside = np.float32(_LINING[k]) + (0.0 if behind is None else behind) * np.float32(_BEHIND_LIPS[k] - _LINING[k])
@@ -114,6 +114,11 @@ def painted(
             openness = openness + np.float32(0.8) * lip * (1.0 - openness)
         channel *= np.maximum(openness, np.float32(0.02)) ** np.float32(FOLDS[k] * FOLDS_SHARE)
     return np.clip(channel * np.float32(255.0) + np.float32(0.5), 0.0, 255.0)
+
+
+def greyness(age: float, early: float = 0.5) -> float:
+    """Return the share of the hair that has turned grey at an age, 0 average to 1 old; ``early`` is 0..1."""
+    return float(np.clip(1.6 * age - 0.5 * (1.0 - early), 0.0, 0.9))
 
 
 def random_layers(seed: int, tone: float, gender: float = 0.0, age: float = 0.0) -> SkinLayers:
@@ -128,8 +133,8 @@ def random_layers(seed: int, tone: float, gender: float = 0.0, age: float = 0.0)
     rng = np.random.default_rng(seed)
     fair = rng.random() * np.clip(0.6 - 0.8 * tone, 0.0, 1.0)
     warm = rng.random()
-    colour = _BLACK_HAIR + fair * (_BROWN_HAIR + warm * (_RED_HAIR - _BROWN_HAIR) * (fair > 0.5) - _BLACK_HAIR)
-    colour = colour + np.clip(1.6 * age - 0.5 * rng.random(), 0.0, 0.9) * (_GREY_HAIR - colour)
+    colour = BLACK_HAIR + fair * (_BROWN_HAIR + warm * (_RED_HAIR - _BROWN_HAIR) * (fair > 0.5) - BLACK_HAIR)
+    colour = colour + greyness(age, 1.0 - rng.random()) * (GREY_HAIR - colour)
     female = gender + 0.3 * rng.standard_normal() > 0.0
     red, green, blue = (float(channel) for channel in colour)
     return SkinLayers(

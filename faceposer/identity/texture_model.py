@@ -1,8 +1,8 @@
 """A linear model of skin textures, with hair, brows, stubble and lips as layers of their own colours.
 
 A texture is exp(mean + Σ c_i mode_i) in the skin's own layout, equation (1) of Blanz and Vetter (SIGGRAPH 1999) for the
-logarithms of the colours. The first mode is the tone. A layer of hairs turns the colour s below into T s + H h with the
-colour h of the hairs, their transmission T and their shade H.
+logarithms of the colours. The first mode is the tone, on a scale that `skin_tones` keeps within human skin. A layer of
+hairs turns the colour s below into T s + H h with the colour h of the hairs, their transmission T and their shade H.
 """
 
 import io
@@ -19,6 +19,7 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 from faceposer.identity.companion_file import read_companion, unusable
 from faceposer.identity.skin_layers import FOLDS, FOLDS_SHARE, Colour, Layer, SkinLayers, painted
+from faceposer.identity.skin_tones import below_white, limited_brightness, limited_chroma, line_tone, scale_tone
 from faceposer.resources import asset_path
 
 Array = NDArray[np.float64]
@@ -33,12 +34,14 @@ LIMIT = 2.5
 _PORES, _TILE = 0.026, 256
 #: Deviation of the creases of the lips.
 _CREASES = 0.03
+#: Largest colour of brows whose colour is not given, as a share of the skin's.
+_BROWS_BELOW = 0.4
 #: Transmission in 8 bits above which a layer shows no hair.
 _BARE = 244
 #: Deviation of a texture's coarse logarithms apart from the model.
 _NOISE = 0.05
 #: Logarithm by which full redness changes the colour of the lips.
-_LIPSTICK = np.array([0.05, -0.55, -0.35])
+LIPSTICK = np.array([0.05, -0.55, -0.35])
 #: Part of the texture with the face: first and last row and column, as shares.
 _FACE = (0.22, 0.86, 0.25, 0.75)
 #: Density of the brows of average skin in `log_basis`, and standard deviations of redness and densities there.
@@ -61,7 +64,8 @@ class TextureModel:
             (1 + K, 1024, 1024).
         chroma: Logarithms of red and blue minus brightness, shape (1 + K, 2, 256, 256).
         lips: Logarithms of the colour of lips relative to skin, of the mean and the modes, shape (1 + K, 3).
-        labels: Change of the coefficients per unit of a label: "age" (0 young, 1 old) and "gender" (1 female), (K,).
+        labels: Change of a label per unit of the coefficients: "age" (old is 1 more than young) and "gender" (women are
+            2 more than men), both 0 for the mean, shape (K,).
         skins: Coefficients of the skins that the model was learned from, by name, shape (K,).
         layers: Encoded images of the layers by name.
         credits: Where the skins come from.
@@ -98,8 +102,7 @@ class TextureModel:
 
     def label(self, coefficients: ArrayLike, name: str) -> float:
         """Return "age" or "gender" of a skin relative to the mean, as regressed on the skins' names."""
-        slope = self.labels[name]
-        return float(slope @ self._checked(coefficients) / (slope @ slope))
+        return float(self.labels[name] @ self._checked(coefficients))
 
     def with_label(self, coefficients: ArrayLike, name: str, value: float) -> Array:
         """Return the nearest coefficients with "age" or "gender" of ``value``; tone and the other label are kept."""
@@ -107,7 +110,7 @@ class TextureModel:
         slopes = np.stack([self.labels[name], *(slope for other, slope in self.labels.items() if other != name)])
         rows = np.concatenate([slopes, np.eye(1, self.n_coefficients)])
         missing = np.zeros(len(rows))
-        missing[0] = (value - self.label(given, name)) * float(slopes[0] @ slopes[0])
+        missing[0] = value - self.label(given, name)
         result: Array = given + np.linalg.pinv(rows) @ missing
         return result
 
@@ -127,12 +130,12 @@ class TextureModel:
         Raises:
             FacePoserError: If there are not K finite coefficients.
         """
-        c = np.concatenate([[1.0], self._checked(coefficients)]).astype(np.float32)
+        c = self._on_line(coefficients)
         style = layers or SkinLayers()
-        luma = _resized(np.tensordot(c, self.luma, 1), SIZE)
-        red, blue = (_resized(channel, SIZE) for channel in np.tensordot(c, self.chroma, 1))
-        lips = (c @ self.lips + style.lip_redness * _LIPSTICK).astype(np.float32)
-        hairs = self._hairs(style)
+        luma, (red, blue) = self._logs(c)
+        hairs = self._hairs(style, np.exp([np.median(luma) + np.median(plane) for plane in (red, -red - blue, blue)]))
+        luma, red, blue = (_resized(plane, SIZE) for plane in (luma, red, blue))
+        lips = (c @ self.lips + style.lip_redness * LIPSTICK).astype(np.float32)
         texture = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
         for place in _TILES:
             brightness = luma[place] + self._pores * self._grain[place]
@@ -179,7 +182,12 @@ class TextureModel:
         rows = (basis * np.sqrt(weight / 64.0)).reshape(len(basis), -1)
         seen = (logs * np.sqrt(weight / 64.0)).ravel() - rows[0]
         gram = rows[1:] @ rows[1:].T / _NOISE**2 + np.eye(self.n_coefficients)
-        result: Array = np.linalg.solve(gram, rows[1:] @ seen / _NOISE**2).astype(np.float64)
+        return self.of_line(np.linalg.solve(gram, rows[1:] @ seen / _NOISE**2))
+
+    def of_line(self, coefficients: ArrayLike) -> Array:
+        """Return the coefficients of a skin from those of `log_basis`, where the tone is not compressed, shape (K,)."""
+        result = self._checked(coefficients).copy()
+        result[0] = scale_tone(result[0])
         return result
 
     def log_basis(self, size: int) -> tuple[Image32, Image32]:
@@ -203,10 +211,36 @@ class TextureModel:
         )
         logs[0] += brows * np.float32(_USUAL_BROWS)
         logs[0] += np.log(np.maximum(folds, 0.02)) * (FOLDS * FOLDS_SHARE)[:, None, None]
-        redness = _LIPS_SPREAD * lips * _LIPSTICK[:, None, None]
+        redness = _LIPS_SPREAD * lips * LIPSTICK[:, None, None]
         dark = np.ones((3, 1, 1))
         further = np.stack([redness, _BROWS_SPREAD * brows * dark, _STUBBLE_SPREAD * stubble * dark])
         return logs[0], np.concatenate([logs[1:], further.astype(np.float32)])
+
+    def layer(self, name: str, size: int) -> tuple[Array, Array]:
+        """Return transmission and shade of a layer of hairs such as "beard" or "hair.short", 0..1, (size, size)."""
+        transmission, shade = (
+            _resized(plane / np.float32(255.0), size).astype(np.float64) for plane in self._hair_layer(name).planes
+        )
+        return transmission, shade
+
+    def mask(self, name: str, size: int) -> Array:
+        """Return the share of each texel that is on the "lips" or on the edges with "lashes", (size, size)."""
+        plane = self._masks.planes[{"lips": 0, "lashes": 2}[name]]
+        return _resized(plane / np.float32(255.0), size).astype(np.float64)
+
+    def _on_line(self, coefficients: ArrayLike) -> NDArray[np.float32]:
+        """Return the factors of the mean and the modes, shape (1 + K,)."""
+        c = self._checked(coefficients)
+        return np.concatenate([[1.0, line_tone(c[0])], c[1:]]).astype(np.float32)
+
+    def _logs(self, c: NDArray[np.float32]) -> tuple[Image32, Image32]:
+        """Return brightness, (1024, 1024), and chroma, (2, 256, 256), of bare skin from the factors of the modes."""
+        luma, chroma = (
+            np.tensordot(c[:2], planes[:2], 1) + limit(np.tensordot(c[2:], planes[2:], 1))
+            for planes, limit in ((self.luma, limited_brightness), (self.chroma, limited_chroma))
+        )
+        largest = np.maximum(chroma.max(axis=0), -chroma.sum(axis=0))
+        return below_white(luma, _resized(largest, luma.shape[0])), chroma
 
     def _checked(self, coefficients: ArrayLike) -> Array:
         given = np.asarray(coefficients, dtype=np.float64)
@@ -248,9 +282,11 @@ class TextureModel:
         planes = [self._decoded(name) for name in ("masks", "inside")]
         return Layer(np.concatenate([np.moveaxis(plane, 2, 0) for plane in planes]), (0, 0, 0, 0, 0, 255))
 
-    def _hairs(self, style: SkinLayers) -> list[tuple[str, Layer, Colour, float]]:
+    def _hairs(self, style: SkinLayers, skin: Array) -> list[tuple[str, Layer, Colour, float]]:
         found = []
-        brows = style.brow_colour or style.hair_colour
+        # Brows like the hair would vanish on skin that is as dark.
+        red, green, blue = np.minimum(style.hair_colour, _BROWS_BELOW * skin).tolist()
+        brows = style.brow_colour or (red, green, blue)
         for name, colour, density in (
             ("beard", style.hair_colour, style.beard),
             (f"hair.{style.hair}", style.hair_colour, 1.0),
@@ -317,6 +353,8 @@ def load_texture_model(path: Path | None = None) -> TextureModel:
         vectors = [
             {name: np.array(v, dtype=np.float64) for name, v in meta[key].items()} for key in ("labels", "skins")
         ]
+        for vector in vectors[1].values():
+            vector[:1] = [scale_tone(tone) for tone in vector[:1]]
         for name, data in layers.items():
             _check_picture(data, 1 if name in ("masks", "inside", "grain") else 2)
         if any(vector.shape != (len(lips) - 1,) for group in vectors for vector in group.values()):

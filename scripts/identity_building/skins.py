@@ -159,11 +159,17 @@ def statistics(skins: Skins, texels: SkinTexels) -> tuple[dict[str, Any], dict[s
             arrays[f"skin.{k}.{name}"] = encoded((channel - low) / max(high - low, 1e-6), size, quality)
             ranges.append([low, high])
     labels = skins.labels - skins.labels.mean(axis=0)
-    # The shortest coefficients per unit of a label, as seen through the skins with the tone taken out.
+    # Labels by regression on the coefficients without the tone; what the ridge takes from their range is given back.
     slopes = np.linalg.solve(
         coefficients.T @ coefficients / n + _RIDGE * np.eye(len(loads)), coefficients.T @ labels / n
     )
     slopes[0] = 0.0
+    found, (age, gender) = coefficients @ slopes, skins.labels.T
+    ends = (
+        found[age == 1.0, 0].mean() - found[age == 0.0, 0].mean(),
+        found[gender > 0.0, 1].mean() - found[gender < 0.0, 1].mean(),
+    )
+    slopes /= np.array(ends) / np.array([1.0, 2.0])
     meta = {
         "ranges": ranges,
         "labels": {"age": slopes[:, 0].tolist(), "gender": slopes[:, 1].tolist()},

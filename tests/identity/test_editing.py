@@ -8,8 +8,10 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import convert
 from faceposer.identity.editing import HeadEditor, edited_character, is_editable
+from faceposer.identity.head_choices import changed_head
 from faceposer.identity.identity import Identity, IdentityJson, SkinTexture
 from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.texture_model import load_texture_model
 from faceposer.model.face_model import FaceModel
 
 
@@ -71,6 +73,35 @@ def test_average_caricature_and_mixtures_lie_on_a_line(editor: HeadEditor) -> No
     assert editor.distance(editor.average) == 0.0
     assert editor.distance(own.scaled(2.0)) == pytest.approx(2.0 * editor.distance(own))
     assert editor.distance(editor.random(1)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_the_skin_follows_age_and_gender(editor: HeadEditor) -> None:
+    model = load_texture_model()
+    young = dataclasses.replace(
+        editor.average,
+        texture=SkinTexture(
+            (-0.5,) + (0.0,) * (model.n_coefficients - 1), SkinLayers(beard=0.7, brow_colour=(0.1, 0.1, 0.1))
+        ),
+    )
+    old = editor.with_attributes(young, {"age": 1.0})
+    age = editor.measure(young)["age"]
+    assert model.label(old.texture.coefficients, "age") == pytest.approx(min(1.0 - age, 1.2), abs=1e-6)
+    assert model.tone(old.texture.coefficients) == pytest.approx(-0.5)
+    assert np.mean(old.texture.layers.hair_colour) > np.mean(young.texture.layers.hair_colour) + 0.2
+    assert np.mean(old.texture.layers.brow_colour) > 0.2
+    again = editor.with_attributes(old, {"age": age})
+    np.testing.assert_allclose(again.texture.coefficients, young.texture.coefficients, atol=0.02)
+    np.testing.assert_allclose(again.texture.layers.hair_colour, young.texture.layers.hair_colour, atol=0.02)
+    woman = editor.with_attributes(young, {"gender": 1.0})
+    assert woman.texture.layers.beard == 0.0
+    assert model.label(woman.texture.coefficients, "gender") > 0.5
+    assert editor.with_attributes(young, {"age": 1.0}, skin_follows=False).texture is young.texture
+    assert editor.with_attributes(young, {"weight": 1.0}).texture is young.texture
+    assert editor.with_attributes(editor.own, {"age": 1.0}).texture is None
+    toned = changed_head(editor, editor.own, values={"age": 1.2}, tone=0.5).texture
+    own = editor.own_texture()
+    assert model.tone(toned.coefficients) == pytest.approx(0.5)
+    assert model.label(toned.coefficients, "age") > model.label(own.coefficients, "age") + 0.5
 
 
 def test_identities_survive_their_file(editor: HeadEditor) -> None:

@@ -11,7 +11,9 @@ from PIL import Image
 from faceposer.errors import FacePoserError
 from faceposer.identity.companion_file import read_companion, save_companion
 from faceposer.identity.skin_layers import SkinLayers, random_layers
-from faceposer.identity.texture_model import FORMAT, NOUN, SIZE, TextureModel, load_texture_model
+from faceposer.identity.skin_reading import layers_of
+from faceposer.identity.skin_tones import line_tone, scale_tone
+from faceposer.identity.texture_model import FORMAT, LIMIT, NOUN, SIZE, TextureModel, load_texture_model
 from faceposer.resources import asset_path
 
 BARE = SkinLayers(hair="none", brows="none", lash_line=0.0)
@@ -54,6 +56,40 @@ def test_tone_darkens_the_skin_and_nothing_is_out_of_range(model: TextureModel) 
     assert model.tone(model.with_tone(c, 0.7)) == 0.7
 
 
+@pytest.mark.parametrize("seed", [0, 8])
+def test_every_tone_is_human_skin(model: TextureModel, seed: int) -> None:
+    c = np.zeros(model.n_coefficients) if seed == 0 else model.sample(seed)[0]
+    below = np.full(3, np.inf)
+    for tone in (-LIMIT, -1.0, 0.0, 1.0, LIMIT):
+        texture = model.instance(model.with_tone(c, tone), BARE, size=512)
+        for place in (FOREHEAD, CHEEK, CHIN):
+            red, green, blue = _at(texture, *place)
+            assert 60.0 < red < 246.0
+            assert red > 1.1 * green > 1.1 * blue
+        forehead = _at(texture, *FOREHEAD)
+        assert (forehead < below).all()
+        below = forehead
+
+
+def test_tones_are_found_from_the_line(model: TextureModel) -> None:
+    for tone in (-2.2, -0.9, 0.0, 1.6, 2.4):
+        assert scale_tone(line_tone(tone)) == pytest.approx(tone)
+        slope = (line_tone(tone + 1e-6) - line_tone(tone - 1e-6)) / 2e-6
+        assert 0.0 < slope < 1.0 + 1e-6
+    assert np.isfinite([scale_tone(-50.0), scale_tone(50.0)]).all()
+    found = model.of_line(np.full(model.n_coefficients, -0.8))
+    assert line_tone(found[0]) == pytest.approx(-0.8)
+    assert (found[1:] == -0.8).all()
+
+
+def test_brows_stay_visible_on_dark_skin(model: TextureModel) -> None:
+    c = model.with_tone(np.zeros(model.n_coefficients), LIMIT)
+    brown = SkinLayers(hair_colour=(0.45, 0.3, 0.2), brow_strength=1.0)
+    bare, painted = (model.instance(c, style, size=512).astype(float).sum(axis=2) for style in (BARE, brown))
+    face = (slice(130, 220), slice(140, 372))
+    assert np.quantile(painted[face] / bare[face], 0.005) < 0.75
+
+
 def test_layers_act_where_they_are(model: TextureModel, mean: np.ndarray) -> None:
     zero = np.zeros(model.n_coefficients)
     blond = model.instance(zero, SkinLayers(hair_colour=(0.8, 0.65, 0.4), beard=1.0, lip_redness=1.0))
@@ -73,15 +109,51 @@ def test_skins_are_recognised_under_other_layers(model: TextureModel) -> None:
     assert np.abs(model.project(texture, half)[:2] - known[:2]).max() < 0.5
 
 
+@pytest.mark.parametrize(
+    "layers",
+    [
+        SkinLayers("combed", (0.55, 0.4, 0.22), "arched", (0.3, 0.2, 0.1), 0.7, 0.0, 0.8, 0.6),
+        SkinLayers("short", (0.08, 0.07, 0.06), "heavy", (0.1, 0.08, 0.07), 1.0, 0.75, 0.0, 0.3),
+        BARE,
+    ],
+)
+def test_layers_are_read_from_an_image(model: TextureModel, layers: SkinLayers) -> None:
+    c = np.zeros(model.n_coefficients)
+    found = layers_of(model, c, model.instance(c, layers), SkinLayers())
+    assert (found.hair, found.brows) == (layers.hair, layers.brows)
+    assert found.beard == pytest.approx(layers.beard, abs=0.16)
+    assert found.lip_redness == pytest.approx(layers.lip_redness, abs=0.05)
+    assert found.lash_line == pytest.approx(layers.lash_line, abs=0.1)
+    if layers is not BARE:
+        np.testing.assert_allclose(found.hair_colour, layers.hair_colour, atol=0.04)
+        np.testing.assert_allclose(found.brow_colour, layers.brow_colour, atol=0.06)
+        assert found.brow_strength == pytest.approx(layers.brow_strength, abs=0.16)
+
+
 def test_labels_are_those_of_the_skins(model: TextureModel) -> None:
     women = [model.label(c, "gender") for name, c in model.skins.items() if "female" in name]
     men = [model.label(c, "gender") for name, c in model.skins.items() if "female" not in name]
     assert min(women) > max(men)
+    ages = {name: model.label(c, "age") for name, c in model.skins.items()}
+    assert ages["old_darkskinned_male_diffuse"] == max(ages.values())
+    assert max(ages.values()) - np.mean([age for name, age in ages.items() if "young" in name]) == pytest.approx(1.0)
     c = model.sample(5)[0]
     older = model.with_label(c, "age", 0.8)
     assert model.label(older, "age") == pytest.approx(0.8)
     assert model.tone(older) == pytest.approx(model.tone(c))
     assert model.label(older, "gender") == pytest.approx(model.label(c, "gender"))
+
+
+def test_age_folds_the_skin_and_keeps_its_colour(model: TextureModel) -> None:
+    c = model.with_tone(np.zeros(model.n_coefficients), -0.5)
+    young, old = (model.instance(model.with_label(c, "age", age), BARE, size=512).astype(float) for age in (-0.5, 1.0))
+    face = (slice(112, 440), slice(128, 384))
+    brightness = [np.log(image[face].mean(axis=2)) for image in (young, old)]
+    fold = brightness[1] - brightness[0]
+    assert np.quantile(fold, 0.01) < -0.12
+    assert np.abs(np.median(fold)) < 0.05
+    ratio = [np.median(image[face][..., 0] / image[face][..., 2]) for image in (young, old)]
+    assert ratio[1] < 1.25 * ratio[0]
 
 
 def test_random_layers_suit_the_person() -> None:

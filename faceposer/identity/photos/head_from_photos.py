@@ -186,8 +186,8 @@ def _lit_photo(
 
 def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity, crops: Sequence[FaceCrop]) -> SkinTexture:
     """Return the texture of the model that is most like the photos, with the usual layers of such a head."""
-    k = load_texture_model().n_coefficients
-    coefficients = np.clip(found.state.texture[:k], -LIMIT, LIMIT)
+    model = load_texture_model()
+    coefficients = np.clip(model.of_line(found.state.texture[: model.n_coefficients]), -LIMIT, LIMIT)
     female = basis.editor.measure(identity)["gender"] > 0.0
     layers = SkinLayers(hair="combed" if female else "short", brows="arched" if female else "straight")
     return SkinTexture(tuple(coefficients.tolist()), layers, eye_colour_of(crops))

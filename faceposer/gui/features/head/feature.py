@@ -47,6 +47,7 @@ class HeadFeature(Feature):
         variety: Standard deviations of random heads, relative to those of people.
         locked: Parts that random heads leave as they are: names of segments, and "skin".
         keeps_features: True if attributes of the person leave those of the face as they are.
+        skin_follows: True if age and gender change a skin of the model, too.
         other: Character to mix with, as a name or path, or "".
         variations: Grid of random heads to choose from.
         caricature: Line through the average, or None before the slider is moved.
@@ -60,6 +61,7 @@ class HeadFeature(Feature):
         self.variety = 0.8
         self.locked: frozenset[str] = frozenset()
         self.keeps_features = False
+        self.skin_follows = True
         self.other = ""
         self.caricature: Line | None = None
         self.mixture: Line | None = None
@@ -257,6 +259,12 @@ class HeadFeature(Feature):
         elif not imgui.is_item_active():
             self._end_drag(keep=True)
 
+    def with_attribute(self, identity: Identity, name: str, value: float) -> Identity:
+        """Return the head with another value of an attribute, by the options of the tab."""
+        editor = self.require_editor()
+        keep = editor.attributes.names if self.keeps_features else None
+        return editor.with_attributes(identity, {name: value}, keep, skin_follows=self.skin_follows)
+
     def _end_drag(self, keep: bool) -> None:
         assert self._drag is not None
         drag, self._drag = self._drag, None
@@ -326,15 +334,24 @@ class HeadFeature(Feature):
         if share <= 0.0:
             return start
         if start.texture is None:
-            start = replace(start, texture=self._own_texture)
+            start = replace(start, texture=self.own_texture)
         return start.mixed(end, share)
 
     @property
-    def _own_texture(self) -> SkinTexture:
+    def own_texture(self) -> SkinTexture:
         """The skin of the model that is most like the character's own."""
-        editor = self.require_editor()
-        if self._own_skin is None or self._own_skin[0] is not editor:
-            self._own_skin = (editor, editor.own_texture())
+        known = self.known_own_texture
+        if known is None:
+            editor = self.require_editor()
+            known = editor.own_texture()
+            self._own_skin = (editor, known)
+        return known
+
+    @property
+    def known_own_texture(self) -> SkinTexture | None:
+        """`own_texture` if it has been estimated."""
+        if self._own_skin is None or self._own_skin[0] is not self.require_editor():
+            return None
         return self._own_skin[1]
 
     # Characters

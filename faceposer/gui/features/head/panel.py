@@ -63,7 +63,7 @@ class HeadPanel:
             self._draw_random(editor)
             self._draw_lines()
             self._draw_attributes(editor)
-            draw_skin(head, editor)
+            draw_skin(head)
         imgui.dummy((0.0, imgui.get_style().item_spacing.y))
         action_button(context.widget_rects, context.actions["head-save"], -1.0)
         imgui.end_child()
@@ -198,6 +198,10 @@ class HeadPanel:
         _, head.keeps_features = imgui.checkbox("Keep features", head.keeps_features)
         context.widget_rects.record("head:keep")
         tooltip("A person's age, gender, weight and ethnicity change without the measures of the face")
+        imgui.same_line()
+        _, head.skin_follows = imgui.checkbox("Skin follows", head.skin_follows)
+        context.widget_rects.record("head:skin-follows")
+        tooltip("Age and gender also change the skin and its hair, once the skin is one of the model")
         wanted = self._filter.strip().lower()
         groups: dict[str, list[Attribute]] = {}
         for attribute in editor.attributes.attributes:
@@ -209,11 +213,11 @@ class HeadPanel:
             context.widget_rects.record(f"head:group:{group}")
             if opened:
                 for attribute in attributes:
-                    self._draw_attribute(editor, attribute)
+                    self._draw_attribute(attribute)
         if not groups:
             caption("No attribute matches the filter.")
 
-    def _draw_attribute(self, editor: "HeadEditor", attribute: "Attribute") -> None:
+    def _draw_attribute(self, attribute: "Attribute") -> None:
         head, context = self._head, self._head.context
         name = attribute.name
         value = head.values[name]
@@ -225,9 +229,8 @@ class HeadPanel:
         changed, new = slider(f"##{name}", value, min(low, value), max(high, value), "%.2f", _CLAMP)
         context.widget_rects.record(f"head:{name}")
         label = f"Set {attribute.title.lower()}"
-        keep = editor.attributes.names if head.keeps_features else None
-        head.edit(name, label, changed, lambda before: editor.with_attributes(before, {name: new}, keep))
+        head.edit(name, label, changed, lambda before: head.with_attribute(before, name, new))
         original = head.original_values[name]
         at_default = abs(value - original) < _SAME
         if reset_button(context.widget_rects, f"head:{name}", at_default, "Back to the value of the original head"):
-            head.set_identity(editor.with_attributes(head.identity, {name: original}, keep), label)
+            head.set_identity(head.with_attribute(head.identity, name, original), label)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from imgui_bundle import ImVec4, imgui
 
 from faceposer.gui.widgets.basic import button_width, caption, fitted_button, heading
-from faceposer.gui.widgets.sliders import row_label, slider
+from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
 from faceposer.identity.eye_colour import EYE_COLOURS
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.skin_layers import BROW_STYLES, HAIR_STYLES, Colour
@@ -15,20 +15,20 @@ from faceposer.identity.texture_model import LIMIT, load_texture_model
 
 if TYPE_CHECKING:
     from faceposer.gui.features.head.feature import HeadFeature
-    from faceposer.identity.editing import HeadEditor
 
+_SAME = 1e-3
 _CLAMP = imgui.SliderFlags_.clamp_on_input.value
 # Sliders of layers: field, label, tooltip.
 _SHARES = (
-    ("brow_strength", "Brows", "Density of the brows"),
+    ("brow_strength", "Brow density", "Density of the brows"),
     ("beard", "Stubble", "Density of the stubble"),
-    ("lip_redness", "Lip colour", "Redness of the lips, from that of the skin to lipstick"),
-    ("lash_line", "Lid edges", "Darkness of the edges of the lids"),
+    ("lip_redness", "Lipstick", "Redness of the lips, from that of the skin to lipstick"),
+    ("lash_line", "Eyeliner", "Darkness of the edges of the lids"),
 )
 _Change = Callable[[SkinTexture], SkinTexture]
 
 
-def draw_skin(head: "HeadFeature", editor: "HeadEditor") -> None:
+def draw_skin(head: "HeadFeature") -> None:
     """Draw the section of the skin."""
     context = head.context
     heading(context.fonts, "Skin")
@@ -37,7 +37,7 @@ def draw_skin(head: "HeadFeature", editor: "HeadEditor") -> None:
         caption("The character has its own skin.")
         tip = "Replace the skin by one of the model that is most like it, whose tone, brows and hair can change"
         if fitted_button(context.widget_rects, "Edit the skin", "head:edit-skin", button_width(1), tip):
-            head.set_identity(replace(head.identity, texture=editor.own_texture()), "Edit the skin")
+            head.set_identity(replace(head.identity, texture=head.own_texture), "Edit the skin")
         return
     model = load_texture_model()
 
@@ -46,26 +46,41 @@ def draw_skin(head: "HeadFeature", editor: "HeadEditor") -> None:
 
     tone = model.tone(texture.coefficients)
     row_label("Tone", "Tone of the skin, from light to dark")
-    value = _slider(head, "tone", tone, (-LIMIT, LIMIT))
-    _apply(head, "tone", "Set tone", value, with_coefficients(lambda c: model.with_tone(c, value[1]).tolist()))
+
+    def toned(value: float) -> _Change:
+        return with_coefficients(lambda c: model.with_tone(c, value).tolist())
+
+    _row(head, "tone", "Set tone", tone, (-LIMIT, LIMIT), lambda own: model.tone(own.coefficients), toned)
     for name, title, limits in (("age", "Skin age", (-0.5, 1.5)), ("gender", "Skin gender", (-1.5, 1.5))):
         row_label(title, f"{title} as in the texture, apart from the shape")
-        value = _slider(head, f"skin-{name}", model.label(texture.coefficients, name), limits)
-        labelled = with_coefficients(lambda c, n=name, v=value: model.with_label(c, n, v[1]).tolist())  # type: ignore[misc]
-        _apply(head, f"skin-{name}", f"Set {title.lower()}", value, labelled)
+
+        def labelled(value: float, name: str = name) -> _Change:
+            return with_coefficients(lambda c: model.with_label(c, name, value).tolist())
+
+        def own_label(own: SkinTexture, name: str = name) -> float:
+            return model.label(own.coefficients, name)
+
+        present = model.label(texture.coefficients, name)
+        _row(head, f"skin-{name}", f"Set {title.lower()}", present, limits, own_label, labelled)
     _draw_styles(head, texture)
     _draw_eyes(head, texture)
     for field, title, tip in _SHARES:
         row_label(title, tip)
-        value = _slider(head, field, getattr(texture.layers, field), (0.0, 1.0))
-        _apply(head, field, f"Set {title.lower()}", value, _with_layer(field, value[1]))
+
+        def own_share(own: SkinTexture, field: str = field) -> float:
+            return float(getattr(own.layers, field))
+
+        def shared(value: float, field: str = field) -> _Change:
+            return _with_layer(field, value)
+
+        _row(head, field, f"Set {title.lower()}", getattr(texture.layers, field), (0.0, 1.0), own_share, shared)
 
 
 def _draw_styles(head: "HeadFeature", texture: SkinTexture) -> None:
     context, layers = head.context, texture.layers
     styles = (
         ("hair", "Hair", HAIR_STYLES, layers.hair, layers.hair_colour, "hair_colour"),
-        ("brows", "Brow style", BROW_STYLES, layers.brows, layers.brow_colour or layers.hair_colour, "brow_colour"),
+        ("brows", "Brow shape", BROW_STYLES, layers.brows, layers.brow_colour or layers.hair_colour, "brow_colour"),
     )
     for field, title, names, chosen, colour, colour_field in styles:
         row_label(title)
@@ -84,7 +99,7 @@ def _draw_styles(head: "HeadFeature", texture: SkinTexture) -> None:
 
 def _draw_eyes(head: "HeadFeature", texture: SkinTexture) -> None:
     context = head.context
-    row_label("Eyes", "Colour of the irises")
+    row_label("Eye colour", "Colour of the irises")
     names = ["own", *EYE_COLOURS]
     known = {colour: name for name, colour in EYE_COLOURS.items()}
     chosen = "own" if texture.eyes is None else known.get(texture.eyes, "other")
@@ -107,12 +122,27 @@ def _rgb(colour: ImVec4) -> Colour:
     return red, green, blue
 
 
-def _slider(head: "HeadFeature", name: str, value: float, limits: tuple[float, float]) -> tuple[bool, float]:
+def _row(
+    head: "HeadFeature",
+    name: str,
+    label: str,
+    value: float,
+    limits: tuple[float, float],
+    own_value: Callable[[SkinTexture], float],
+    change: Callable[[float], _Change],
+) -> None:
+    """Draw a slider and the button that brings back the value of the character's own skin."""
     low, high = limits
-    imgui.set_next_item_width(-1.0)
+    imgui.set_next_item_width(slider_room())
     changed, new = slider(f"##{name}", value, min(low, value), max(high, value), "%.2f", _CLAMP)
     head.context.widget_rects.record(f"head:{name}")
-    return changed, new
+    _apply(head, name, label, (changed, new), change(new))
+    # The own skin is estimated when it is first needed, not in the first frame that shows a random one.
+    own = head.known_own_texture
+    same = own is not None and abs(value - own_value(own)) < _SAME
+    tip = "Back to the value of the character's own skin"
+    if reset_button(head.context.widget_rects, f"head:{name}", same, tip) and not head.context.busy:
+        _set(head, label, change(own_value(head.own_texture)))
 
 
 def _apply(head: "HeadFeature", key: str, label: str, value: tuple[bool, float], change: _Change) -> None:
