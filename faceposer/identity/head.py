@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from faceposer.errors import FacePoserError
 from faceposer.identity.anatomy.eyeballs import ball_of
 from faceposer.identity.anatomy.eyes import Ball, EyeFit
-from faceposer.identity.anatomy.lashes import lash_strips
+from faceposer.identity.anatomy.lashes import lash_length, lash_strips
 from faceposer.identity.anatomy.local_maps import LocalMaps
 from faceposer.identity.anatomy.mouths import MouthFit, Place
 from faceposer.identity.template import head_template
@@ -22,8 +22,6 @@ Floats = NDArray[np.float64]
 
 #: The shipped character that others are made after.
 REFERENCE = "man"
-#: Factor on the length of the reference's lashes.
-_LASHES = 0.8
 #: Least and greatest size of a head relative to the reference.
 _SIZES = (0.2, 5.0)
 _MOUTH_PARTS = ("teeth_upper", "gums_upper", "teeth_lower", "gums_lower", "throat", "tongue")
@@ -70,12 +68,14 @@ class HeadMaker:
         names = reference.shape_names
         self._eyes: dict[str, EyeFit] = {}
         self._roots: dict[str, NDArray[np.int32]] = {}
+        self._lash_lengths: dict[str, float] = {}
         for side in ("Left", "Right"):
             ball = Ball(*ball_of(vertices[self._ids(f"eye_{side.lower()}")]))
             blink = reference.shapes[names.index(f"eyeBlink{side}"), : self.n_skin].astype(np.float64)
             self._eyes[side] = EyeFit(side, template, rest, blink, ball)
-            ring = self._eyes[side].ring
-            self._roots[side] = ring[cKDTree(rest[ring]).query(vertices[self._ids(f"lashes_{side.lower()}")])[1]]
+            eye, lashes = self._eyes[side], vertices[self._ids(f"lashes_{side.lower()}")]
+            self._roots[side] = eye.ring[cKDTree(rest[eye.ring]).query(lashes)[1]]
+            self._lash_lengths[side] = lash_length(side, rest, eye.halves, ball.centre, lashes)
         self._open, self._close = names.index("jawOpen"), names.index("mouthClose")
         self.lips = MouthFit(template, rest, outside, reference.shapes[self._open, : self.n_skin].astype(np.float64))
         forward = np.linalg.norm(reference.shapes[names.index("jawForward")], axis=1)
@@ -133,8 +133,9 @@ class HeadMaker:
             of_reference = given[self._open, ids].astype(np.float64)
             result[self._open, ids] = self.lips.carry_opening(of_reference, self._jaw_share[ids], head.mouth)
         for side, eye in self._eyes.items():
-            size = head.balls[side].radius / eye.ball.radius
-            strips = lash_strips(side, skin, carried, eye.halves, eye.lid, head.balls[side].centre, _LASHES * size)
+            ball = head.balls[side]
+            length = self._lash_lengths[side] * ball.radius / eye.ball.radius
+            strips = lash_strips(side, skin, carried, eye.halves, eye.lid, ball.centre, length)
             ids = self._ids(f"lashes_{side.lower()}")
             head.vertices[ids] = np.concatenate([strip.reshape(-1, 3) for strip, _ in strips])
             result[:, ids] = np.concatenate([offsets.reshape(len(names), -1, 3) for _, offsets in strips], axis=1)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
 from faceposer.identity.skin_layers import Colour, SkinLayers
+from faceposer.identity.template import head_template
 
 Array = NDArray[np.float64]
 
@@ -93,8 +94,15 @@ class Identity:
         )
 
     def scaled(self, factor: float) -> "Identity":
-        """Return the head with ``factor`` times the deviation from the average: a caricature beyond 1."""
-        return Identity.of(factor * self.shape, factor * self.detail, self.texture)
+        """Return the head with ``factor`` times the deviation from the average: a caricature beyond 1.
+
+        Of the detail, a caricature exaggerates only what is smooth: wrinkles and edges would fold over.
+        """
+        detail = min(factor, 1.0) * self.detail
+        template = head_template()
+        if factor > 1.0 and len(detail) == template.n_control:
+            detail += (factor - 1.0) * template.smoothed(detail)
+        return Identity.of(factor * self.shape, detail, self.texture)
 
     def mixed(self, other: "Identity", share: float) -> "Identity":
         """Return the head on the line from this one, at ``share`` 0, to ``other``, at 1."""

@@ -69,7 +69,8 @@ class EyeFit:
         loop = ordered_ring(template.control_quads, around[LASH_RING])
         self.side, self.ball = side, ball
         self.ring = fine_loop(template.fine, loop)
-        self.halves = upper_and_lower(skin, self.ring, side)
+        # The same vertices on each head, wherever its corners are: they are rows of the lashes' mesh.
+        self.halves = upper_and_lower(template.rest, self.ring, side)
         self.lid = np.concatenate(around[LASH_RING - 2 : LASH_RING + 4])
         self._socket = among(template.fine, np.concatenate(around[: SOCKET_RINGS + 1]))
         self._edges = np.concatenate(around[LASH_RING - 1 : LASH_RING + 1])

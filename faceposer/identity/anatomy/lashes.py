@@ -48,6 +48,17 @@ def lash_strips(
     return strips
 
 
+def lash_length(side: str, skin: Floats, halves: tuple[Ints, Ints], centre: Floats, lashes: Floats) -> float:
+    """Return the factor on the length with which `lash_strips` makes ``lashes``, (n, 3); parameters as there."""
+    sign = 1.0 if side == "Left" else -1.0
+    edges = [(edge[_BARE:-_BARE], is_upper) for edge, is_upper in zip(halves, (True, False), strict=True)]
+    bare, full = (
+        np.concatenate([_strip(skin[root], centre, sign, is_upper, length).reshape(-1, 3) for root, is_upper in edges])
+        for length in (0.0, 1.0)
+    )
+    return float(((lashes - bare) * (full - bare)).sum() / np.square(full - bare).sum())
+
+
 def _strip(root: Floats, centre: Floats, sign: float, is_upper: bool, length: float) -> Floats:
     """Return the rows of a strip that grows from ``root`` (n, 3), shape (rows, n, 3)."""
     t = np.linspace(0.0, 1.0, len(root))[:, None]

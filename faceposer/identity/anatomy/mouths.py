@@ -21,6 +21,9 @@ Ints = NDArray[np.int32]
 _LIP_CONTACT, _INNER_LIPS, _BEFORE_EARS = 474, (554, 537, 520, 557, 574), (4277, 2171)
 #: Distance from the contact of the lips in which their closing moves skin, in centimetres.
 _LIP_REACH = 0.45
+#: Shares of the lips' width at both ends over which closing fades in, since their contact folds there, and overlap of
+#: the lips along their contact, relative to the reference's, which remains since the lips hide it, in centimetres.
+_ENDS, _HIDDEN_OVERLAP = (0.15, 0.35), 0.1
 #: Distances from the lips over which mouthClose undoes what is particular to the head's jaw, in centimetres.
 _CLOSING = (1.0, 2.8)
 #: Radius around the mouth in which the size of the face determines that of the teeth, in centimetres.
@@ -54,9 +57,9 @@ class MouthFit:
     def __init__(self, template: HeadTemplate, skin: Floats, outer: Ints, opening: Floats) -> None:
         """Measure the reference's ``skin``, (N, 3), with visible vertices ``outer``, and its jawOpen, ``opening``."""
         faces_at = faces_at_edges(template.control_quads, range(len(template.control_quads)))
-        contact_ids = np.array(edge_loop(faces_at, skin, _LIP_CONTACT), dtype=np.int32)
+        contact_ids = np.array(edge_loop(faces_at, template.rest, _LIP_CONTACT), dtype=np.int32)
         self._loop = fine_loop(template.fine, contact_ids)
-        self._upper, self._lower = upper_and_lower(skin, self._loop, "Left")
+        self._upper, self._lower = upper_and_lower(template.rest, self._loop, "Left")
         contact = skin[self._loop]
         self._near = np.flatnonzero(np.linalg.norm(skin - contact.mean(axis=0) * [0, 1, 1], axis=1) < _AROUND)
         self._width = float(np.ptp(contact[:, 0]))
@@ -97,9 +100,11 @@ class MouthFit:
         return self._line(skin, self._upper) - self._line(skin, self._lower)
 
     def close_lips(self, skin: Floats) -> Floats:
-        """Return ``skin`` (N, 3) with the lips as close along their contact as in the reference."""
+        """Return ``skin`` (N, 3) with lips that are nowhere further apart than the reference's, nor overlap much."""
         scale = float(np.ptp(skin[self._loop, 0])) / self._width
-        excess = self.gaps(skin) - scale * self._gap
+        gap = self.gaps(skin) - scale * self._gap
+        excess = gap - np.clip(gap, -scale * _HIDDEN_OVERLAP, 0.0)
+        excess *= ramp(*_ENDS, np.minimum(_SAMPLES, 1.0 - _SAMPLES))
         result = skin.copy()
         amount = np.interp(self._along(skin, self._contact_of), _SAMPLES, excess)
         result[self._moved, 1] += self._towards * self._fade * amount
