@@ -30,6 +30,7 @@ class Freedom:
         bend: Move of the middle against the ends.
         size: Relative size.
         log_share: Log of the share of strokes that are drawn so.
+        pieces: True if pieces of the feature are drawn as often as all of it, since its ends are not seen.
     """
 
     along: float
@@ -38,19 +39,26 @@ class Freedom:
     bend: float
     size: float
     log_share: float
+    pieces: bool = False
 
 
-#: Freedom of features by the last words of their names; others are drawn as the shapes of the character move them.
+#: Freedom of features by their names without the side; others are drawn as the shapes of the character move them.
 FREEDOMS: Mapping[str, Freedom] = {
     "brow": Freedom(10.0, 26.0, 22.0, 10.0, 0.1, -0.7),
-    "nose wing": Freedom(14.0, 14.0, 10.0, 8.0, 0.25, -0.7),
+    "nose wing": Freedom(16.0, 12.0, 8.0, 6.0, 0.2, -0.7, pieces=True),
+    "jaw line": Freedom(12.0, 20.0, 8.0, 24.0, 0.08, -0.7, pieces=True),
     "upper lid": Freedom(4.0, 4.0, 4.0, 26.0, 0.06, -1.6),
 }
 
 
 def is_free(name: str) -> bool:
     """Return True if the feature ``name`` is drawn farther from rest than the shapes of a character move it."""
-    return name.partition(" ")[2] in FREEDOMS
+    return _kind(name) in FREEDOMS
+
+
+def _kind(name: str) -> str:
+    """Return the ``name`` of a feature without its side."""
+    return name.removeprefix("left ").removeprefix("right ")
 
 
 def log_free(
@@ -67,11 +75,12 @@ def log_free(
         samples: Even samples of the stroke in units of the hand about the principal point, shape (SAMPLES, 2).
         hand: Errors of the hand.
     """
-    freedom = FREEDOMS.get(name.partition(" ")[2])
+    freedom = FREEDOMS.get(_kind(name))
     if freedom is None:
         return -np.inf
     track = rows.tracks[name]
     intervals = candidate_intervals(track.closed)
+    weights = np.full(len(intervals), -np.log(len(intervals))) if freedom.pieces else intervals.log_weights
     logs = []
     for pose in poses:
         places = rows.neutral[track.rows] + rows.jacobian[track.rows] @ pose
@@ -79,7 +88,7 @@ def log_free(
         i, j, share = sampled(line, track.closed, intervals)
         share = share[..., None]
         means = (1.0 - share) * line[i] + share * line[j]
-        logs.append(_log_densities(means, line, samples, hand, freedom) + intervals.log_weights[:, None])
+        logs.append(_log_densities(means, line, samples, hand, freedom) + weights[:, None])
     return freedom.log_share + float(np.logaddexp.reduce(np.ravel(logs))) - float(np.log(2.0 * len(poses)))
 
 

@@ -170,9 +170,7 @@ class WholeStrokeRecogniser:
         """Return the log density of ``samples`` as each of ``names`` drawn freely, -inf for those that are not."""
         unit = hand_unit(self._rows, camera)
         poses = np.stack([pose, np.zeros_like(pose)])
-        return np.array(
-            [log_free(self._rows, name, poses, camera, unit, samples, self.tuning.hand) for name in names]
-        )
+        return np.array([log_free(self._rows, name, poses, camera, unit, samples, self.tuning.hand) for name in names])
 
     def _within_reach(self, names: list[str], samples: Array, pose: Array, camera: Camera) -> list[str]:
         """Return those of ``names`` whose lines, in the present pose, are near the stroke."""
