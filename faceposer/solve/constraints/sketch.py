@@ -278,9 +278,8 @@ def _traced(sketch: SketchConstraint, model: FaceModel) -> TracedSketch:
             in_space = curve.points.subset(indices).positions(character.vertices, model.triangles)
             covered, moved = beside_contour(sketch.line, pixels[indices], in_space, character, sketch.camera)
             if covered.any():
-                indices, at_point, places, tangents = (
-                    values[covered] for values in (indices, at_point, moved, tangents)
-                )
+                indices, at_point = indices[covered], at_point[covered]
+                places, tangents = moved[covered], tangents[covered]
         pieces.append(
             TracedSketch(
                 curve.points.subset(indices),
