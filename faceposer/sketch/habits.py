@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.camera import Camera
 from faceposer.sketch.curve_density import FACE_SIZE, FeatureRows
-from faceposer.sketch.openness import OPEN
+from faceposer.sketch.openness import OPEN, resting_gap
 from faceposer.sketch.outlines import is_closed
 
 Array = NDArray[np.float64]
@@ -31,8 +31,9 @@ _LINE, _LINE_AFTER_LIPS = 2.5, 1.5
 # Log prior of the outline of a mouth or an eye for a closed stroke around its middle; greatest distance of the ends of
 # such a stroke as a share of its length; its widths, as shares of that of the mouth or the eye.
 _LOOP, _CLOSED, _LOOP_SPANS = 80.0, 0.12, (0.6, 1.35)
-# Log prior of the lower lid where the middle of a stroke lies nearer to it than to the upper one.
-_LOWER_LID = 0.9
+# Log prior of the lower lid where the middle of a stroke lies on it; share of the way down to it from which this holds
+# if the upper lid has not been drawn.
+_LOWER_LID, _NEAR_LOWER = 0.9, 0.76
 # Share of the way from the line of the mouth to the lower and to the upper edge of the lips up to which a stroke is on
 # the line, and from which it is not; least height of a lip, in units of the hand.
 _LOWER, _UPPER, _LEAST_LIP = (0.45, 0.65), (0.25, 0.5), 14.0
@@ -111,7 +112,12 @@ def habits_of(
         lids = f"{side} upper lid", f"{side} lower lid"
         if all(name in rows.tracks for name in lids):
             upper, lower = (_across(samples, line(name), line(lids[1])) for name in lids)
-            if len(upper) and np.abs(lower).mean() < np.abs(upper).mean():
+            if not len(upper):
+                continue
+            gaps = float(np.abs(upper).mean()), float(np.abs(lower).mean())
+            # Between the lids, the first stroke closes the eye; the next one raises the lower lid.
+            near = _NEAR_LOWER if lids[0] not in drawn else 0.5
+            if gaps[0] > near * (gaps[0] + gaps[1]):
                 found[lids[1]] = _LOWER_LID
     return Habits(found, on_line)
 
@@ -121,8 +127,8 @@ def _gap(rows: FeatureRows, pose: Array, name: str) -> float:
     run = rows.gap_slices.get(name)
     if run is None:
         return 0.0
-    offsets = rows.gaps[1][run].mean(axis=0) + rows.gaps[0][run].mean(axis=0) @ pose
-    return float(offsets[1]) * FACE_SIZE / max(rows.size, 1e-12)
+    moved = float(rows.gaps[0][run].mean(axis=0)[1] @ pose) * FACE_SIZE / max(rows.size, 1e-12)
+    return resting_gap(rows, name) + moved
 
 
 def _on_line(samples: Array, middle: Array, lower: Array, upper: Array) -> float:

@@ -21,6 +21,16 @@ STATES = {
     "right eye outline": ("right eye", 1.0),
 }
 
+# Distance up to which the inner lips of a face at rest belong to a closed mouth, in units of the hand: on rigs of other
+# people, they are some way inside of where the lips touch.
+_CLOSED_AT_REST = 30.0
+
+
+def resting_gap(rows: FeatureRows, name: str) -> float:
+    """Return the distance of lips or lids on the neutral face in units of the hand, 0 for a mouth that is closed."""
+    gap = float(rows.gaps[1][rows.gap_slices[name]].mean(axis=0)[1]) * FACE_SIZE / max(rows.size, 1e-12)
+    return min(gap, 0.0) if name == "mouth" and gap < _CLOSED_AT_REST else gap
+
 
 def log_openness(rows: FeatureRows, found: Evidence, index: int) -> float:
     """Return the log probability that the gap of line ``index`` is as it must be, given that the stroke depicts it."""
@@ -36,6 +46,6 @@ def log_openness(rows: FeatureRows, found: Evidence, index: int) -> float:
     scale = FACE_SIZE / rows.size
     jacobian = scale * rows.gaps[0][run].mean(axis=0)[1]
     moves = jacobian @ density.factor
-    gaps = scale * rows.gaps[1][run].mean(axis=0)[1] + jacobian @ density.base + posterior.means @ moves
+    gaps = resting_gap(rows, state[0]) + jacobian @ density.base + posterior.means @ moves
     deviation = float(np.sqrt(max(moves @ posterior.covariance @ moves, 0.0) + _SOFTNESS**2))
     return float(np.log(max(shares @ ndtr(state[1] * (gaps - OPEN) / deviation), 1e-9)))

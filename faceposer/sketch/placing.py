@@ -11,12 +11,15 @@ from faceposer.sketch.hand import HandModel
 from faceposer.sketch.intervals import refined
 from faceposer.sketch.polyline import at_lengths, lengths_along, stroke_line
 from faceposer.sketch.recognition import DrawnStroke, MatchedPoint
+from faceposer.solve.constraints.sketch_contour import ON_CONTOUR
 from faceposer.solve.constraints.sketch_matching import distances
 
 Array = NDArray[np.float64]
 
 # A feature point this far beyond an end of a stroke, as a share of the line, is at the end.
 _AT_END = 0.07
+# The same of the jaw, the ends of which are not seen.
+_AT_END_UNSEEN = 0.01
 # Standard deviation of places along a line, as a share of its length, and greatest probability of a point, by which
 # probabilities are those of being within half the distance of neighbours; measured on two folds of a performance.
 _DEVIATION, _SURE = 0.033, 0.99
@@ -47,6 +50,7 @@ def placed_points(
     points = stroke_line(stroke, unit) * unit + stroke.camera.principal_point
     lengths = lengths_along(points)
     matched: dict[str, MatchedPoint] = {}
+    slack = _AT_END_UNSEEN if track.feature in ON_CONTOUR else _AT_END
     for names in track.names:
         knots = np.interp(np.linspace(0, track.parameters[-1], len(names)), track.parameters, share_of)
         distinct = len(names) - 1 if track.closed else len(names)
@@ -56,7 +60,7 @@ def placed_points(
         )
         around = 0.5 * (before + after)
         for knot in range(distinct):
-            place = _share(float(knots[knot]), begin, end, track.closed)
+            place = _share(float(knots[knot]), begin, end, track.closed, slack)
             if place is None:
                 continue
             sure = _SURE * math.erf(0.5 * float(around[knot]) / (math.sqrt(2.0) * _DEVIATION))
@@ -66,11 +70,11 @@ def placed_points(
     return tuple(matched.values()), float(distances(samples, line).mean())
 
 
-def _share(knot: float, begin: float, end: float, closed: bool) -> float | None:
-    """Return the place of ``knot`` between ``begin`` and ``end``, all shares of a line, or None beyond them."""
+def _share(knot: float, begin: float, end: float, closed: bool, slack: float) -> float | None:
+    """Return the place of ``knot`` between ``begin`` and ``end``, shares of a line, or None beyond the ``slack``."""
     if closed:
         # Starts differ by whole turns; the first pass over a point counts.
-        knot += np.ceil(begin - knot - _AT_END)
+        knot += np.ceil(begin - knot - slack)
     place = (knot - begin) / max(end - begin, 1e-9)
-    slack = _AT_END / max(end - begin, 1e-9)
+    slack /= max(end - begin, 1e-9)
     return float(np.clip(place, 0.0, 1.0)) if -slack <= place <= 1.0 + slack else None

@@ -1,7 +1,7 @@
 """Recognition by the evidence of the whole stroke, from the present pose (docs/sketching.md)."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 
@@ -21,6 +21,7 @@ from faceposer.sketch.curve_density import (
 )
 from faceposer.sketch.drawing_order import is_redrawn, log_prior
 from faceposer.sketch.evidence import Evidence, evidence, nearer_evidence
+from faceposer.sketch.free_hand import is_free, log_free
 from faceposer.sketch.habits import Habits, as_drawn, family_of, habits_of
 from faceposer.sketch.hand import SAMPLES, HandModel, ScribbleModel
 from faceposer.sketch.intervals import candidate_intervals
@@ -76,8 +77,8 @@ _LEAST_MATCHED, _LEAST_COVERED = 2, 0.38
 # The same shares for a further piece of a feature of which one has been drawn.
 _CONTINUED = 0.2
 # Mean distance of a stroke from the most probable curve beyond which it is no drawing of it, in units of the hand; that
-# of closed strokes is greater, since nothing else looks like them.
-_FARTHEST, _FARTHEST_CLOSED = 0.03 * FACE_SIZE, 0.05 * FACE_SIZE
+# of closed strokes is greater, since nothing else looks like them, and so is that of features that are drawn freely.
+_FARTHEST, _FARTHEST_CLOSED, _FARTHEST_FREE = 0.03 * FACE_SIZE, 0.05 * FACE_SIZE, 0.07 * FACE_SIZE
 # Candidates below this probability are omitted unless they lie close to the likeliest, and those after the first five.
 _LEAST, _MOST_CANDIDATES = 0.01, 5
 
@@ -125,7 +126,8 @@ class WholeStrokeRecogniser:
         drawn = {other.feature for other in others if other.feature is not None}
         found = self._found(names, drawn, samples, pose, others, camera)
         habits = habits_of(self._rows, pose, camera, hand_unit(self._rows, camera), samples, drawn)
-        return self._decided(stroke, samples, found, drawn, habits, feature)
+        free = dict(zip(names, self._free(names, samples, pose, camera), strict=True))
+        return self._decided(stroke, samples, found, free, drawn, habits, feature)
 
     def _found(
         self,
@@ -163,6 +165,12 @@ class WholeStrokeRecogniser:
             return None
         line = stroke_line(stroke, hand_unit(self._rows, stroke.camera))
         return evenly(line, SAMPLES) if len(line) > 1 else None
+
+    def _free(self, names: Sequence[str], samples: Array, pose: Array, camera: Camera) -> Array:
+        """Return the log density of ``samples`` as each of ``names`` drawn freely, -inf for those that are not."""
+        unit = hand_unit(self._rows, camera)
+        poses = np.stack([pose, np.zeros_like(pose)])
+        return np.array([log_free(self._rows, name, poses, camera, unit, samples, self.tuning.hand) for name in names])
 
     def _within_reach(self, names: list[str], samples: Array, pose: Array, camera: Camera) -> list[str]:
         """Return those of ``names`` whose lines, in the present pose, are near the stroke."""
@@ -216,6 +224,7 @@ class WholeStrokeRecogniser:
         stroke: DrawnStroke,
         samples: Array,
         found: Sequence[tuple[Evidence, int]],
+        free: Mapping[str, float],
         drawn: set[str],
         habits: Habits,
         feature: str | None,
@@ -224,7 +233,8 @@ class WholeStrokeRecogniser:
         tuning = self.tuning
         seen = visibility(self._rows, stroke.camera)
         names = [part.tracks[index].feature for part, index in found]
-        totals = as_drawn(names, np.array([part.log_total(index) for part, index in found]), habits)
+        totals = np.array([part.log_total(index) for part, index in found])
+        totals = as_drawn(names, np.logaddexp(totals, [free[name] for name in names]), habits)
         logs = totals.copy()
         length, covered = float(lengths_along(samples)[-1]), np.ones(len(found))
         winding, trembling = untidiness(stroke, hand_unit(self._rows, stroke.camera), samples)
@@ -268,8 +278,15 @@ class WholeStrokeRecogniser:
             least = _CONTINUED if names[shown[0]] in drawn else _LEAST_COVERED
             accepted = bool(covered[shown[0]] >= least and candidates[0].points)
         if accepted and feature is None:
-            accepted = placed[0][1] < (_FARTHEST_CLOSED if FEATURES[names[shown[0]]].closed else _FARTHEST)
+            accepted = placed[0][1] < _farthest(names[shown[0]])
         return Recognition(candidates, accepted)
+
+
+def _farthest(name: str) -> float:
+    """Return the mean distance from the most probable curve at which a stroke is no drawing of the feature ``name``."""
+    if is_free(name):
+        return _FARTHEST_FREE
+    return _FARTHEST_CLOSED if FEATURES[name].closed else _FARTHEST
 
 
 def _beyond(value: float, limit: float, softness: float) -> float:

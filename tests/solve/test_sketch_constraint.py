@@ -75,7 +75,8 @@ def test_each_feature_takes_the_drawn_shape(model: FaceModel, camera: Camera, ba
         p = solve(PoseProblem(model, [sketch]), model.neutral()).coefficients
         before = off(model, feature, model.neutral(), truth, camera)
         # A stroke determines the course of a cheek, not where on it each point is, and cheeks are stiff.
-        cheek = "cheek" in feature
+        # The jaw follows a stroke that is well off its contour only; see test_artist_strokes.py.
+        cheek = "cheek" in feature or feature == "jaw line"
         assert cheek or off(model, feature, p, truth, camera) < max(0.4 * before, 1.0), feature
         assert sketch.residual_px(model, p) < (3.5 if cheek else 1.6), feature
         assert sketch.residual_px(model, truth) < 1.0, feature

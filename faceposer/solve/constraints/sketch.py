@@ -19,6 +19,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.model.feature_curves import FEATURES, MIRRORED_POINTS, Feature, FeatureCurve, feature_curves
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
+from faceposer.solve.constraints.sketch_contour import ON_CONTOUR, beside_contour
 from faceposer.solve.constraints.sketch_matching import cleaned, correspondence, distances
 from faceposer.solve.constraints.sketch_term import SketchTargets, SketchTerm
 from faceposer.solve.constraints.stroke import Pixels, as_pixels
@@ -272,11 +273,18 @@ def _traced(sketch: SketchConstraint, model: FaceModel) -> TracedSketch:
         chosen = np.isin(found.indices, kept)
         indices = found.indices[chosen]
         at_point = np.isin(indices, curve.knots[found.used])
+        places, tangents = found.places[chosen], found.tangents[chosen]
+        if feature.name in ON_CONTOUR and len(indices) > 1:
+            in_space = curve.points.subset(indices).positions(character.vertices, model.triangles)
+            covered, moved = beside_contour(sketch.line, pixels[indices], in_space, character, sketch.camera)
+            if covered.any():
+                indices, at_point = indices[covered], at_point[covered]
+                places, tangents = moved[covered], tangents[covered]
         pieces.append(
             TracedSketch(
                 curve.points.subset(indices),
-                found.places[chosen],
-                found.tangents[chosen],
+                places,
+                tangents,
                 at_point,
                 np.full(len(indices), i),
                 curve.parameters[indices],
