@@ -252,6 +252,22 @@ def test_symmetry_draws_the_other_side(context: HeadlessContext) -> None:
     assert context.constraints == ()
 
 
+@pytest.mark.parametrize(("lid", "dy"), [("left lower lid", 9.0), ("left upper lid", -9.0), ("left upper lid", 8.0)])
+def test_a_lid_turns_no_eye(context: HeadlessContext, lid: str, dy: float) -> None:
+    way = way_of(context, lid)
+    bent = [shifted(p, 0, dy * np.sin(np.pi * i / (len(way) - 1))) for i, p in enumerate(way)]
+    right = [context.feature(name) for name in ("3.2", "3.4")]
+    context.follow(bent)
+    tool_of(context).choose_feature(0, lid, context)
+    context.session.poll()
+    assert features(context) == [lid]
+    model, pose = context.session.model, context.session.coefficients
+    weights = dict(zip(model.character.shape_names, model.weights_of(pose).tolist(), strict=True))
+    assert max(abs(weight) for name, weight in weights.items() if name.startswith("eyeLook")) < 0.1
+    moved = [context.feature(name)[1] - before[1] for name, before in zip(("3.2", "3.4"), right, strict=True)]
+    assert np.abs(moved).max() < 0.35 * abs(dy), "the other eye stays"
+
+
 def test_half_a_lip_is_completed_by_symmetry(context: HeadlessContext) -> None:
     context.toolbox.tool_settings.symmetry.on = True
     way = way_of(context, "outer lower lip", dy=8.0)
