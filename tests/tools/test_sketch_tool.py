@@ -252,6 +252,20 @@ def test_symmetry_draws_the_other_side(context: HeadlessContext) -> None:
     assert context.constraints == ()
 
 
+def test_mirrored_strokes_move_both_sides_alike(context: HeadlessContext) -> None:
+    context.toolbox.tool_settings.symmetry.on = True
+    way = way_of(context, "left brow")
+    # Low at the nose and high outside, as of anger.
+    context.follow([shifted(p, 0, 16 - 24 * min(2 * i / len(way), 1)) for i, p in enumerate(way)])
+    assert features(context) == ["left brow", "right brow"]
+    left, right = context.session.residuals_px
+    assert left == pytest.approx(right, abs=0.8)
+    model = context.session.model
+    weights = dict(zip(model.character.shape_names, model.weights_of(context.session.coefficients), strict=True))
+    for shape in ("browOuterUp", "browDown", "browInnerUp", "noseSneer"):
+        assert weights[shape + "Left"] == pytest.approx(weights[shape + "Right"], abs=0.06), shape
+
+
 @pytest.mark.parametrize(("lid", "dy"), [("left lower lid", 9.0), ("left upper lid", -9.0), ("left upper lid", 8.0)])
 def test_a_lid_turns_no_eye(context: HeadlessContext, lid: str, dy: float) -> None:
     way = way_of(context, lid)
