@@ -62,8 +62,9 @@ class Commands:
             photo_tool = self._context.toolbox.photo_tool
             photo_tool.remove(photo_tool.selected or 0, self._context.viewport)
         else:
-            self._context.toolbox.delete_selected()
+            # First, since without a selection of constraints a feature may remove what is not one yet.
             self._context.features.delete_selected()
+            self._context.toolbox.delete_selected()
 
     @property
     def pin_selected(self) -> bool:

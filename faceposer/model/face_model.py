@@ -17,7 +17,7 @@ from faceposer.model.expression_statistics import ExpressionStatistics, load_exp
 from faceposer.model.local_moments import RigDensity
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.motion_samples import MotionSamples, largest_motions, sample_motion
-from faceposer.model.muscles import co_contraction, independence
+from faceposer.model.muscles import co_contraction, independence, mirror_images
 from faceposer.model.pca import RigSubspace, reconstruction_error, rig_pca, smallest_reaching
 from faceposer.model.shape_names import half_shapes_of, weight_map
 from faceposer.model.split_shapes import split_to_match
@@ -315,6 +315,7 @@ def build_face_model(
         largest_motions(character, moving_rows),
         None if statistics.examples is None else statistics.examples[:, kept],
         statistics.factors[np.ix_(kept, kept)] * independence(kept_names, sides=False),
+        mirror_images(kept_names),
     )
     return FaceModel(
         character,

@@ -43,6 +43,7 @@ class RigDensity:
         examples: Weights that represent the mixture, shape (n, W); draws from it if None.
         usual: The ``coupling`` of a face whose sides move together as they usually do, a correlation matrix of shape
             (W, W); ``coupling`` itself if None.
+        mirror: Index of each weight's mirror image, shape (W,); unknown if None.
     """
 
     mixture: GaussianMixture
@@ -56,6 +57,7 @@ class RigDensity:
     largest: Array
     examples: Array | None = None
     usual: Array | None = None
+    mirror: NDArray[np.intp] | None = None
 
     @cached_property
     def draws(self) -> Array:
@@ -88,15 +90,21 @@ class LocalMoments:
     that the relevant muscles need not be guessed: F becomes F + c (F1 - F) with F1 the coupling of sides that move
     together as usual, and G becomes G + c (1 - G).
 
+    The nearest of a finite number of examples are not the same on both sides. Where the forces on the weights are
+    mirror images of each other, M is replaced by its mean with its mirror image P M P; with a the norm of their
+    differences relative to that of the forces, by a share that falls smoothly from 1 to 0 between two values of a.
+
     A wholeness s from 0 to 1 blends towards the unmodified expressions of the examples: F becomes F + s (1 - F), G
-    likewise, L becomes I + (1 - s) (L - I), and the peak moves by s g towards the mean of the nearest examples, where
-    g = E / (2 (E + E0)) and E is the constraints' energy at the start, so that it does not move if nothing pulls.
+    likewise, L becomes I + (1 - s) (L - I), the share of P M P is multiplied by 1 - s, and the peak moves by s g
+    towards the mean of the nearest examples, where g = E / (2 (E + E0)) and E is the constraints' energy at the start,
+    so that it does not move if nothing pulls.
 
     Attributes:
         share: Share of the examples that is used: small enough to be specific, large enough to be smooth.
         noise_energy: E0, the energy of constraints caused by the tremor of a hand.
         least_relevance: Least value of G.
         relevance_range: Values of the ratio at which G begins to rise and at which it reaches 1.
+        asymmetry_range: Values of a between which P M P counts less and less.
         peak_shift: Shift of the peak towards the mean of the nearest examples at a wholeness of 1 and large energy.
     """
 
@@ -105,6 +113,7 @@ class LocalMoments:
     least_relevance: ClassVar[float] = 0.6
     relevance_range: ClassVar[tuple[float, float]] = (0.1, 0.4)
     peak_shift: ClassVar[float] = 0.5
+    asymmetry_range: ClassVar[tuple[float, float]] = (0.1, 0.4)
 
     def __init__(self, density: RigDensity, start: Array, wholeness: float = 0.0) -> None:
         """Prepare the moments of ``density`` about the pose with coefficients ``start``.
@@ -125,7 +134,7 @@ class LocalMoments:
         self._wholeness = wholeness
         moments = np.mean(offsets * offsets, axis=0)
         self._least_variance = _LEAST_VARIANCE * float(moments.mean()) + 1e-12
-        self._start = start
+        self._start, self._mirror = start, density.mirror
         self._projection, self._largest = density.projection, density.largest
 
     def near(self, rows: Array, residual: Array, covered: float = 0.0) -> GaussianMixture:
@@ -149,6 +158,9 @@ class LocalMoments:
         if len(rows):
             relevance = self._relevance(rows, residual, covered)
             moment *= relevance * relevance[:, None]
+            if self._mirror is not None:
+                image = moment[self._mirror[:, None], self._mirror]
+                moment += 0.5 * self._symmetry(rows, residual, self._mirror) * (image - moment)
         return self.gaussian(moment, shift, covered)
 
     def usual(self) -> GaussianMixture:
@@ -166,6 +178,14 @@ class LocalMoments:
         least = 1.0 - (1.0 - self.least_relevance) * (1.0 - self._wholeness) * (1.0 - covered)
         relevance: Array = least + (1.0 - least) * t * t * (3.0 - 2.0 * t)
         return relevance
+
+    def _symmetry(self, rows: Array, residual: Array, mirror: NDArray[np.intp]) -> float:
+        """Return the share from 0 to 1 by which the constraints ask for the same on both sides."""
+        force = (residual @ (rows @ self._projection)) / self._largest
+        asymmetry = float(np.linalg.norm(force - force[mirror])) / max(float(np.linalg.norm(force)), 1e-12)
+        least, most = self.asymmetry_range
+        t = min(max((most - asymmetry) / (most - least), 0.0), 1.0)
+        return (1.0 - self._wholeness) * t * t * (3.0 - 2.0 * t)
 
     def nearest(self, rows: Array, residual: Array) -> tuple[Singles, Singles]:
         """Return the examples nearest to the constraints, relative to the start, (n, W), and their weights, (n,).

@@ -105,6 +105,14 @@ def mirrored_pairs(names: Sequence[str]) -> NDArray[np.bool_]:
     return np.asarray(plain[:, None] == plain)
 
 
+def mirror_images(names: Sequence[str]) -> NDArray[np.intp]:
+    """Return the index of each shape's mirror image, its own if there is none or it is of both sides, shape (S,)."""
+    index = {name: i for i, name in enumerate(names)}
+    other = dict(zip(_SIDES, reversed(_SIDES), strict=True))
+    images = [name.removesuffix(side) + other.get(side, "") for name in names for side in (side_of_shape(name),)]
+    return np.array([index.get(image, i) for i, image in enumerate(images)], dtype=np.intp)
+
+
 def co_contraction(names: Sequence[str]) -> Array:
     """Return the matrix L of co-contraction, shape (S, S): weights w of single muscles become L w."""
     index = {name: i for i, name in enumerate(names)}

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.model.face_model import FaceModel
 from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
-from faceposer.solve.term import Array, PoseState, QuadraticTerm, ResidualTerm
+from faceposer.solve.term import Array, PoseState, QuadraticTerm
 
 #: Kind of prior: by region, of the whole face, or the mixture as it was learned, as in the paper.
 Prior = Literal["regions", "whole", "plain"]
@@ -17,8 +17,6 @@ PRIORS: tuple[Prior, ...] = get_args(Prior)
 
 # Standard deviation of a rig weight's excess over its limits, as a share of their distance.
 _BOUND_SCALE = 0.05
-# Standard deviation of the angle between the gazes of both eyes, in radians: about a quarter of a degree.
-_GAZE_SIGMA = 0.005
 
 
 class MixturePrior(QuadraticTerm):
@@ -121,37 +119,6 @@ class WeightBounds:
         """Return the second derivative, shape (r, r), zero where no bound is exceeded."""
         stiffness = self.evaluate(state.p)[3]
         return np.zeros((len(state.p),) * 2) + stiffness
-
-
-class ParallelGaze(ResidualTerm, QuadraticTerm):
-    """w / sigma^2 |A (p - p0)|^2, with A p the vertical and horizontal differences between both gazes, in radians.
-
-    Both eyes look at one target, but captures measure each eye separately, and their noise would make a face squint.
-    """
-
-    def __init__(self, apart: Array, start: Array, weight: float = 1.0) -> None:
-        """Keep ``apart @ p`` as it is at the pose ``start``, shape (r,), with ``apart`` from ``gaze_differences``."""
-        super().__init__(np.full(len(apart), weight / _GAZE_SIGMA**2))
-        self._apart = apart
-        self._target = apart @ start
-
-    def residual(self, state: PoseState) -> Array:
-        """Return the change of both differences, shape (2,)."""
-        residual: Array = self._apart @ state.p - self._target
-        return residual
-
-    def jacobian(self, state: PoseState) -> Array:
-        """Return the derivatives, shape (2, r)."""
-        return self._apart
-
-
-def gaze_differences(model: FaceModel) -> Array:
-    """Return A, (2, r): the vertical and horizontal differences between both gazes, in radians, to first order.
-
-    The shape is (0, r) for a character without two movable eyes.
-    """
-    turns = model.eye_turns
-    return turns[0, :2] - turns[1, :2] if len(turns) == 2 else np.zeros((0, model.n_coefficients))
 
 
 def prior_at(model: FaceModel, start: Array, prior: Prior = "regions", wholeness: float = 0.0) -> LocalMoments:

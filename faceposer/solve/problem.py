@@ -14,8 +14,9 @@ from faceposer.model.muscles import dependent_pairs
 from faceposer.sized_cache import sized_cache
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
+from faceposer.solve.gaze_terms import HeldGaze, ParallelGaze, eye_turns, gaze_differences, moves_eyes
 from faceposer.solve.least_motion import LeastMotion, LinearisedEnergy
-from faceposer.solve.priors import MixturePrior, ParallelGaze, Prior, WeightBounds, gaze_differences, prior_at
+from faceposer.solve.priors import MixturePrior, Prior, WeightBounds, prior_at
 from faceposer.solve.reach import ReachTerm, limits_around
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term, reduced
 
@@ -148,6 +149,10 @@ class PoseProblem:
         if mixture is None:
             self.trust = 1.0 - (1.0 - wholeness) * (1.0 - covered)
             self._apply_reach(informative)
+        local = centred and prior == "regions" and wholeness < 1.0
+        if local and not extra_terms and not moves_eyes(model.character, self.constraints):
+            weight = (1.0 - wholeness) * max(prior_weight, _LEAST_HOLD)
+            self._terms.append(HeldGaze(eye_turns(model), self.start, weight))
         if centred:
             self._add_prior(begin, prior, spread, wholeness, covered, informative)
         elif prior_weight > 0:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, reduce
 
+import numpy as np
+
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.strokes import smoothed
 from faceposer.model.character import Character
@@ -17,6 +19,7 @@ from faceposer.sketch.combining import combined
 from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.tools.symmetry import Symmetry, image_of
+from faceposer.tools.tool import ToolContext
 
 
 def depicting(sketch: SketchConstraint, candidate: Candidate) -> SketchConstraint:
@@ -97,3 +100,13 @@ def drawable_points(character: Character) -> SurfacePoints:
 def inside(box: tuple[float, float, float, float] | None, position: tuple[float, float]) -> bool:
     """Return True if ``position`` is in the ``box`` of left, top, right and bottom."""
     return box is not None and box[0] <= position[0] < box[2] and box[1] <= position[1] < box[3]
+
+
+def drawn_in(sketch: SketchConstraint, context: ToolContext) -> bool:
+    """Return True if the view is the one in which ``sketch`` was drawn."""
+    return sketch.camera.same_viewpoint(context.camera)
+
+
+def length(path: Sequence[tuple[float, float]]) -> float:
+    """Return the length of ``path``."""
+    return float(np.hypot(*np.diff(np.array(path), axis=0).T).sum()) if len(path) > 1 else 0.0

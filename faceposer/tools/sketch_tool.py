@@ -15,8 +15,8 @@ from faceposer.sketch.recognition import Candidate, DrawnStroke
 from faceposer.solve.constraints.sketch import SketchConstraint
 from faceposer.solve.constraints.stroke import as_pixels
 from faceposer.tools.dragging import drag_drawn
-from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke
-from faceposer.tools.sketch_edits import depicting, inside, with_feature, with_sketch
+from faceposer.tools.recognised_strokes import RecognisedStrokes, UnnamedStroke, UnnamedStrokes
+from faceposer.tools.sketch_edits import depicting, drawn_in, inside, length, with_feature, with_sketch
 from faceposer.tools.stroke_tool import distance_to_line, pixels_in_view
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
@@ -24,7 +24,7 @@ Pixel = tuple[float, float]
 #: Left, top, right and bottom in pixels of the view.
 Box = tuple[float, float, float, float]
 
-#: Stands for the unnamed stroke among the indices of sketches.
+#: Stands for the last unnamed stroke among the indices of sketches; those before it have lower ones.
 UNNAMED = -1
 #: Message on a stroke that depicts no feature.
 UNRECOGNISED = "No feature recognised: nothing has changed"
@@ -47,11 +47,10 @@ class SketchTool(PosingTool):
         drawn_in: Camera under which the stroke is being drawn.
         preview: Feature that the unfinished stroke depicts, or None.
         waiting: Strokes that are drawn but not recognised, because the recogniser is being prepared, in their order.
-        unnamed: The last stroke, if it depicts no feature, or None.
         preparing: Returns True while the recogniser is being prepared in the background.
-        labels: Boxes of the names in the view, by the index of the constraint or ``UNNAMED``.
+        labels: Boxes of the names in the view, by the index of the constraint, negative ones for ``unnamed``.
         lists: Boxes within them that open the list of features.
-        listing: Index of the sketch, or ``UNNAMED``, whose list of features is to be opened, or None.
+        listing: Index, likewise, of the stroke whose list of features is to be opened, or None.
         known: What the recognition of the strokes has found.
     """
 
@@ -73,13 +72,13 @@ class SketchTool(PosingTool):
         self.drawn_in: Camera | None = None
         self.preview: Candidate | None = None
         self.waiting: list[DrawnStroke] = []
-        self.unnamed: UnnamedStroke | None = None
+        self._unnamed = UnnamedStrokes()
         self.preparing: Callable[[], bool] = lambda: False
         self.labels: dict[int, Box] = {}
         self.lists: dict[int, Box] = {}
         self.listing: int | None = None
         self.known = RecognisedStrokes()
-        self._cost = 0.0
+        self._cost, self._depth = 0.0, 0
 
     def usable(self, character: Character) -> bool:
         """Return True if ``character`` has the points of any feature."""
@@ -100,22 +99,27 @@ class SketchTool(PosingTool):
                     return i
         return None
 
-    def unnamed_at(self, position: Pixel, context: ToolContext) -> bool:
-        """Return True if the label or the line of the unnamed stroke is at ``position``."""
-        if self.unnamed is None:
-            return False
-        stroke = self.unnamed.stroke
-        seen = pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.camera)
-        near = seen is not None and distance_to_line(position, seen) <= _REACH * context.ui_scale
-        return near or inside(self.labels.get(UNNAMED), position)
+    @property
+    def unnamed(self) -> tuple[UnnamedStroke, ...]:
+        """The strokes that depict no feature, in the view in which they were drawn, the last one at the end."""
+        return self._unnamed.shown
 
-    def leave_behind(self, context: ToolContext) -> bool:
-        """Discard the unnamed stroke if the view was turned, where it is not shown; return True if there was one."""
-        stroke = None if self.unnamed is None else self.unnamed.stroke
-        if stroke is None or pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.camera) is not None:
-            return False
-        self.unnamed = None
-        return True
+    def unnamed_at(self, position: Pixel, context: ToolContext) -> int | None:
+        """Return the negative index of the unnamed stroke whose label or line is at ``position``, or None."""
+        unnamed = self.unnamed
+        for index in range(-1, -len(unnamed) - 1, -1):
+            stroke = unnamed[index].stroke
+            seen = pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.camera)
+            near = seen is not None and distance_to_line(position, seen) <= _REACH * context.ui_scale
+            if near or inside(self.labels.get(index), position):
+                return index
+        return None
+
+    def follow(self, context: ToolContext) -> bool:
+        """Show the unnamed strokes of the present view and history; return True if others were shown before."""
+        before, session = self.unnamed, context.session
+        self._unnamed.follow(session.depth, session.document.constraints, context.camera)
+        return self.unnamed != before
 
     def works_at(self, position: Pixel, context: ToolContext) -> bool:
         """Return True if a press at ``position`` draws: on the head, also hair and neck, and a little beside it."""
@@ -131,8 +135,8 @@ class SketchTool(PosingTool):
         index = self.sketch_at(event.position, context)
         if "shift" in event.modifiers:
             sketch = None if index is None else context.session.document.constraints[index]
-            return isinstance(sketch, SketchConstraint) and not sketch.locked and _drawn_in(sketch, context)
-        on_mark = index is not None or self.unnamed_at(event.position, context)
+            return isinstance(sketch, SketchConstraint) and not sketch.locked and drawn_in(sketch, context)
+        on_mark = index is not None or self.unnamed_at(event.position, context) is not None
         return on_mark or self.works_at(event.position, context)
 
     def handle_under(self, position: Pixel, context: ToolContext) -> int | None:
@@ -169,13 +173,12 @@ class SketchTool(PosingTool):
         if max(math.dist(path[0], position) for position in path) < _CLICK * context.ui_scale:
             self._click(path[0], context)
             return
-        self.unnamed = None
         self.waiting.append(DrawnStroke(smoothed(path), camera))
         self.advance(context)
 
     def _update_preview(self, path: list[Pixel], camera: Camera, context: ToolContext) -> None:
         """Recognise the unfinished stroke, unless that takes longer than a frame."""
-        if self.preparing() or self._cost > _FRAME or _length(path) < _PREVIEWED * context.ui_scale:
+        if self.preparing() or self._cost > _FRAME or length(path) < _PREVIEWED * context.ui_scale:
             return
         # Seconds of this thread, since other programs may delay it.
         begin = time.thread_time()
@@ -194,11 +197,14 @@ class SketchTool(PosingTool):
         if index is not None:
             if not self.choose_next(index, context):
                 self.listing = index
-        elif self.unnamed is not None and self.unnamed_at(position, context):
-            if self.unnamed.candidates:
-                self.name_stroke(self.unnamed.candidates[0].feature, context)
+            return
+        unnamed = self.unnamed_at(position, context)
+        if unnamed is not None:
+            candidates = self.unnamed[unnamed].candidates
+            if candidates:
+                self.name_stroke(candidates[0].feature, context, unnamed)
             else:
-                self.listing = UNNAMED
+                self.listing = unnamed
 
     def _move(self, event: PointerEvent, context: ToolContext) -> Gesture:
         """Move a sketch by the motion of the pointer."""
@@ -227,29 +233,29 @@ class SketchTool(PosingTool):
             return False
         stroke = self.waiting.pop(0)
         best, candidates = self._candidates(stroke, context)
-        if best is None:
-            self.unnamed = UnnamedStroke(stroke, candidates)
-        else:
-            self._add(stroke, best, candidates, context)
+        if best is None or not self._add(stroke, best, candidates, context):
+            self._unnamed.add(stroke, candidates, context.session.depth)
+            # "Delete" removes the last stroke.
+            self._settings.selection.set()
         return True
 
     def _add(
         self, stroke: DrawnStroke, chosen: Candidate, candidates: tuple[Candidate, ...], context: ToolContext
-    ) -> None:
-        """Add ``stroke`` as the ``chosen`` feature, as one step."""
+    ) -> bool:
+        """Add ``stroke`` as the ``chosen`` feature, as one step; return True if it could be."""
         session = context.session
         sketch, symmetric = sketch_of(stroke, chosen), self._settings.symmetry.on
         try:
             document, index, replaced = with_sketch(session, session.document, sketch, symmetric)
         except ValueError:
-            self.unnamed = UnnamedStroke(stroke, candidates)
-            return
+            return False
         if not self._has_room(document, "sketch", context):
-            return
+            return False
         with session.edit(f"Sketch the {chosen.feature}"):
             session.replace(document)
         self.known.remember(sketch, candidates, replaced)
         self._settings.selection.set(index)
+        return True
 
     def candidates_of(self, index: int, context: ToolContext) -> tuple[Candidate, ...]:
         """Return the features that sketch ``index`` may depict, the most probable first, from its recognition."""
@@ -308,17 +314,17 @@ class SketchTool(PosingTool):
         self._settings.selection.set(index)
         return True
 
-    def name_stroke(self, feature: str, context: ToolContext) -> None:
-        """Make the unnamed stroke depict ``feature``, as one step."""
+    def name_stroke(self, feature: str, context: ToolContext, index: int = UNNAMED) -> None:
+        """Make the unnamed stroke ``index`` depict ``feature``, as one step; undone, it is unnamed again."""
         unnamed = self.unnamed
-        if unnamed is None:
+        if len(unnamed) < -index:
             return
-        chosen = next((c for c in unnamed.candidates if c.feature == feature), None) or self._matched(
-            unnamed.stroke, feature, context
+        named = unnamed[index]
+        chosen = next((c for c in named.candidates if c.feature == feature), None) or self._matched(
+            named.stroke, feature, context
         )
-        self.unnamed = None
-        if chosen is not None:
-            self._add(unnamed.stroke, chosen, unnamed.candidates, context)
+        if chosen is not None and self._add(named.stroke, chosen, named.candidates, context):
+            self._unnamed.name(named, context.session.depth)
 
     def _matched(self, stroke: DrawnStroke, feature: str, context: ToolContext) -> Candidate | None:
         """Return the points of ``feature`` on ``stroke``, or None if there are none."""
@@ -336,44 +342,59 @@ class SketchTool(PosingTool):
                 return False
             self._remove(index, "Remove a sketch", context)
             return True
-        return self.unnamed_at(position, context) and self.discard()
+        unnamed = self.unnamed_at(position, context)
+        if unnamed is None:
+            return False
+        self._unnamed.discard([self.unnamed[unnamed]])
+        return True
 
     @property
     def can_step_back(self) -> bool:
-        """True if the last stroke is not recognised."""
-        return bool(self.waiting) or self.unnamed is not None
+        """True if the last stroke waits, or depicts no feature and is newer than the last step of the history."""
+        return bool(self.waiting) or (bool(self.unnamed) and self.unnamed[-1].depth >= self._depth)
+
+    def follow_history(self, depth: int) -> None:
+        """Record the depth of the session's history: of two strokes, the later one is undone first."""
+        self._depth = depth
 
     def step_back(self) -> bool:
-        """Discard the last stroke that waits, or else the one that is not recognised; return True if there was one."""
-        if not self.waiting:
-            return self.discard()
-        self.waiting.pop()
+        """Discard the last stroke that waits, or else the last that depicts no feature; return True if there was one.
+
+        One that is older than the last step of the history is kept.
+        """
+        if not self.can_step_back:
+            return False
+        if self.waiting:
+            self.waiting.pop()
+        else:
+            self.discard_last()
         return True
 
+    def discard_last(self) -> None:
+        """Discard the last stroke that depicts no feature."""
+        self._unnamed.discard(self.unnamed[-1:])
+
     def discard(self) -> bool:
-        """Discard the strokes that wait and the one that is not recognised; return True if there was one."""
-        had = self.can_step_back
-        self.waiting, self.unnamed = [], None
+        """Discard the strokes that wait and those that depict no feature; return True if there were any."""
+        had = bool(self.waiting or self.unnamed)
+        self.waiting = []
+        self._unnamed.discard(self.unnamed)
         return had
 
     def left(self) -> None:
-        """Keep the strokes that wait: they become sketches while another tool is used."""
-        self.unnamed = None
+        """Keep all strokes: those that wait become sketches while another tool is used."""
 
     def hint(self, context: ToolContext) -> str:
         """Return the effect of a press, for the status bar."""
         if self.waiting:
             strokes = "stroke" if len(self.waiting) == 1 else f"{len(self.waiting)} strokes"
             return f"Preparing the recogniser for this character...   ·   Esc: discard the {strokes}"
-        if self.unnamed is not None:
-            return f"{UNRECOGNISED}   ·   draw it again, or click the stroke to name it   ·   Esc: discard it"
+        unnamed = len(self.unnamed)
+        if unnamed > 1:
+            return (
+                f"{unnamed} strokes depict no feature   ·   click one to name it   ·   Delete: the last   ·   Esc: all"
+            )
+        if unnamed:
+            text = UNRECOGNISED if self.unnamed[-1].depth >= context.session.depth else "A stroke depicts no feature"
+            return f"{text}   ·   click the stroke to name it   ·   Delete, Esc: discard it"
         return "Draw a brow, lid, lip or other feature as it should look   ·   drag beside the head: orbit"
-
-
-def _drawn_in(sketch: SketchConstraint, context: ToolContext) -> bool:
-    """Return True if the view is the one in which ``sketch`` was drawn."""
-    return sketch.camera.same_viewpoint(context.camera)
-
-
-def _length(path: list[Pixel]) -> float:
-    return float(np.hypot(*np.diff(np.array(path), axis=0).T).sum()) if len(path) > 1 else 0.0

@@ -109,3 +109,26 @@ def test_draws_are_of_the_mixture_and_within_the_limits(model: FaceModel) -> Non
     mean, covariance = mixture.moments()
     np.testing.assert_allclose(points.mean(axis=0), mean, atol=0.03)
     np.testing.assert_allclose(np.cov(points.T), covariance, atol=0.08)
+
+
+def test_what_is_asked_of_both_sides_alike_is_given_alike(model: FaceModel) -> None:
+    density, start = model.rig_density, model.neutral()
+    mirror = density.mirror
+    assert mirror is not None
+    names = [model.character.shape_names[row] for row in density.shape_rows]
+    assert {names[i]: names[j] for i, j in enumerate(mirror)}["mouthSmileLeft"] == "mouthSmileRight"
+    assert (mirror[mirror] == np.arange(len(mirror))).all()
+    moments = density.conditioned_on(start)
+
+    def gap(**weights: float) -> float:
+        found = moments.near(*asked(model, start, **weights))
+        sides = [spread(model, found, f"mouthSmile{side}") for side in ("Left", "Right")]
+        return abs(sides[0] / sides[1] - 1.0)
+
+    assert gap(mouthSmileLeft=0.6, mouthSmileRight=0.6) < 0.02
+    assert gap(mouthSmileLeft=0.6, mouthSmileRight=0.1) > 0.1
+    whole = density.conditioned_on(start, 1.0)
+    assert not np.allclose(
+        whole.near(*asked(model, start, mouthSmileLeft=0.6, mouthSmileRight=0.6)).precisions[0],
+        moments.near(*asked(model, start, mouthSmileLeft=0.6, mouthSmileRight=0.6)).precisions[0],
+    )

@@ -12,9 +12,10 @@ from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
+from faceposer.solve.gaze_terms import HeldGaze, ParallelGaze, eye_turns, gaze_differences
 from faceposer.solve.least_motion import LeastMotion
 from faceposer.solve.map_solver import solve
-from faceposer.solve.priors import PRIORS, ParallelGaze, Prior, WeightBounds, gaze_differences
+from faceposer.solve.priors import PRIORS, Prior, WeightBounds
 from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import ResidualTerm, Term
 
@@ -57,6 +58,9 @@ MAKERS: dict[str, Callable[[FaceModel, Camera], Term]] = {
     ),
     "gaze": lambda model, camera: term_of(
         PoseProblem(model, [pulled(model, camera, "8.3", (9.0, -9.0))]), ParallelGaze
+    ),
+    "held gaze": lambda model, camera: term_of(
+        PoseProblem(model, [pulled(model, camera, "8.3", (9.0, -9.0))]), HeldGaze
     ),
     "bounds": of_bounds_from_a_pose_beyond_them,
 }
@@ -113,6 +117,20 @@ def test_the_eyes_look_the_same_way(model: FaceModel, camera: Camera, prior: Pri
     for name, constraints in gestures.items():
         pose = solve(PoseProblem(model, constraints, prior_weight=weight, prior=prior)).coefficients
         assert np.abs(apart @ pose).max() < 0.08, name
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.5, 0.75])
+def test_lids_do_not_turn_the_eyes(model: FaceModel, camera: Camera, spread: float) -> None:
+    turns = eye_turns(model)
+    assert turns.shape == (4, model.n_coefficients)
+    for lid, dy in (("3.1", 10.0), ("3.1", -6.0), ("3.3", 6.0), ("3.3", -5.0)):
+        problem = PoseProblem(model, [pulled(model, camera, lid, (0.0, dy))], spread=spread)
+        pose = solve(problem).coefficients
+        assert np.abs(turns @ pose).max() < np.radians(1.5), (lid, dy)
+    pose = solve(PoseProblem(model, [pulled(model, camera, "3.5", (8.0, 0.0))], spread=spread)).coefficients
+    assert np.abs(turns @ pose).max() > np.radians(5.0), "a pupil that is pulled turns them"
+    pose = solve(PoseProblem(model, [pulled(model, camera, "3.1", (0.0, 10.0))], spread=1.0)).coefficients
+    assert np.abs(turns @ pose).max() > np.radians(1.5), "with the whole face they look down, as in performances"
 
 
 @pytest.mark.parametrize("prior", PRIORS)

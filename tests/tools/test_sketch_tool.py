@@ -91,18 +91,18 @@ def test_a_scribble_changes_nothing_and_says_so(context: HeadlessContext) -> Non
     context.follow(scribble(context))
     assert context.session.document is document
     assert not context.session.can_undo
-    assert tool.unnamed is not None
+    assert len(tool.unnamed) == 1
     assert UNRECOGNISED in context.toolbox.hint()
-    assert tool.can_step_back
+    assert context.toolbox.can_step_back
     context.undo()
-    assert tool.unnamed is None
+    assert tool.unnamed == ()
     assert UNRECOGNISED not in context.toolbox.hint()
     context.follow(scribble(context))
     assert context.toolbox.cancel(), "Esc discards it, too"
-    assert tool.unnamed is None
+    assert tool.unnamed == ()
     context.follow(scribble(context))
     context.click(scribble(context)[3], "right")
-    assert tool.unnamed is None
+    assert tool.unnamed == ()
     assert context.session.document is document
 
 
@@ -117,8 +117,8 @@ def test_a_feature_without_matched_points_counts_as_none(
         assert tool.preview is None
     context.send(*along(way_of(context, "left brow"))[-1])
     assert context.constraints == ()
-    assert tool.unnamed is not None
-    assert tool.unnamed.candidates == ()
+    assert len(tool.unnamed) == 1
+    assert tool.unnamed[0].candidates == ()
 
 
 def test_an_unnamed_stroke_is_named(context: HeadlessContext) -> None:
@@ -130,7 +130,7 @@ def test_an_unnamed_stroke_is_named(context: HeadlessContext) -> None:
     tool.name_stroke("jaw line", context)
     context.session.poll()
     assert features(context) == ["jaw line"]
-    assert tool.unnamed is None
+    assert tool.unnamed == ()
     context.undo()
     assert context.constraints == ()
 
@@ -148,11 +148,11 @@ def test_a_click_names_an_unnamed_stroke_by_its_candidate(
     monkeypatch.setattr(Sketcher, "recognise", doubtful)
     context.follow(way)
     assert context.constraints == ()
-    assert tool.unnamed is not None
-    assert tool.unnamed.candidates[0].feature == "left brow"
+    assert len(tool.unnamed) == 1
+    assert tool.unnamed[0].candidates[0].feature == "left brow"
     context.click(way[len(way) // 2])
     assert features(context) == ["left brow"]
-    assert tool.unnamed is None
+    assert tool.unnamed == ()
     assert tool.listing is None
 
 
@@ -250,6 +250,36 @@ def test_symmetry_draws_the_other_side(context: HeadlessContext) -> None:
     context.undo()
     context.click(context.constraints[0].stroke[15], "right")
     assert context.constraints == ()
+
+
+def test_mirrored_strokes_move_both_sides_alike(context: HeadlessContext) -> None:
+    context.toolbox.tool_settings.symmetry.on = True
+    way = way_of(context, "left brow")
+    # Low at the nose and high outside, as of anger.
+    context.follow([shifted(p, 0, 16 - 24 * min(2 * i / len(way), 1)) for i, p in enumerate(way)])
+    assert features(context) == ["left brow", "right brow"]
+    left, right = context.session.residuals_px
+    assert left == pytest.approx(right, abs=0.8)
+    model = context.session.model
+    weights = dict(zip(model.character.shape_names, model.weights_of(context.session.coefficients), strict=True))
+    for shape in ("browOuterUp", "browDown", "browInnerUp", "noseSneer"):
+        assert weights[shape + "Left"] == pytest.approx(weights[shape + "Right"], abs=0.06), shape
+
+
+@pytest.mark.parametrize(("lid", "dy"), [("left lower lid", 9.0), ("left upper lid", -9.0), ("left upper lid", 8.0)])
+def test_a_lid_turns_no_eye(context: HeadlessContext, lid: str, dy: float) -> None:
+    way = way_of(context, lid)
+    bent = [shifted(p, 0, dy * np.sin(np.pi * i / (len(way) - 1))) for i, p in enumerate(way)]
+    right = [context.feature(name) for name in ("3.2", "3.4")]
+    context.follow(bent)
+    tool_of(context).choose_feature(0, lid, context)
+    context.session.poll()
+    assert features(context) == [lid]
+    model, pose = context.session.model, context.session.coefficients
+    weights = dict(zip(model.character.shape_names, model.weights_of(pose).tolist(), strict=True))
+    assert max(abs(weight) for name, weight in weights.items() if name.startswith("eyeLook")) < 0.1
+    moved = [context.feature(name)[1] - before[1] for name, before in zip(("3.2", "3.4"), right, strict=True)]
+    assert np.abs(moved).max() < 0.35 * abs(dy), "the other eye stays"
 
 
 def test_half_a_lip_is_completed_by_symmetry(context: HeadlessContext) -> None:
@@ -367,18 +397,75 @@ def test_where_a_press_draws(context: HeadlessContext) -> None:
     context.view = view
     context.click(below)
     assert context.constraints == ()
-    assert tool.unnamed is None, "a click is no stroke"
+    assert tool.unnamed == (), "a click is no stroke"
 
 
-def test_an_unnamed_stroke_stays_behind_when_the_view_turns(context: HeadlessContext) -> None:
+def test_an_unnamed_stroke_is_shown_in_its_own_view(context: HeadlessContext) -> None:
+    tool, view = tool_of(context), context.view
+    context.follow(scribble(context))
+    assert len(tool.unnamed) == 1
+    assert not tool.follow(context)
+    context.drag((3.0, 3.0), (60.0, 3.0))
+    assert tool.follow(context)
+    assert tool.unnamed == ()
+    assert not context.toolbox.can_step_back, "undo does not discard what is not seen"
+    context.view = view
+    assert tool.follow(context)
+    assert len(tool.unnamed) == 1, "it returns with its view"
+
+
+def test_unnamed_strokes_stay_until_they_are_named_or_discarded(context: HeadlessContext) -> None:
     tool = tool_of(context)
     context.follow(scribble(context))
-    assert tool.unnamed is not None
-    assert not tool.leave_behind(context)
-    context.drag((3.0, 3.0), (60.0, 3.0))
-    assert tool.leave_behind(context)
-    assert tool.unnamed is None
-    assert not tool.can_step_back
+    context.follow([shifted(place, 0, 40) for place in scribble(context)])
+    assert "2 strokes" in tool.hint(context)
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    assert features(context) == ["left brow"]
+    assert len(tool.unnamed) == 2
+    context.toolbox.choose("point")
+    context.toolbox.choose("sketch")
+    first, last = tool.unnamed
+    context.undo()
+    assert features(context) == [], "the last stroke is undone first"
+    assert tool.unnamed == (first, last)
+    context.undo()
+    assert tool.unnamed == (first,)
+    context.undo()
+    assert tool.unnamed == ()
+    context.follow(scribble(context))
+    context.follow([shifted(place, 0, 40) for place in scribble(context)])
+    context.click(scribble(context)[3], "right")
+    assert len(tool.unnamed) == 1
+    assert context.toolbox.cancel()
+    assert tool.unnamed == ()
+
+
+def test_a_name_is_taken_back_and_returned(context: HeadlessContext) -> None:
+    tool = tool_of(context)
+    context.follow(scribble(context))
+    stroke = tool.unnamed[0].stroke
+    tool.name_stroke("jaw line", context)
+    assert tool.unnamed == ()
+    for _ in range(2):
+        context.undo()
+        assert tool.follow(context)
+        assert [unnamed.stroke for unnamed in tool.unnamed] == [stroke], "it is unnamed again"
+        assert features(context) == []
+        context.redo()
+        assert tool.follow(context)
+        assert tool.unnamed == ()
+        assert features(context) == ["jaw line"]
+    context.undo()
+    tool.follow(context)
+    context.follow(way_of(context, "left brow", dy=-8.0))
+    tool.follow(context)
+    assert features(context) == ["left brow"]
+    assert len(tool.unnamed) == 1, "another step does not name it"
+    context.undo()
+    tool.follow(context)
+    assert context.toolbox.can_step_back
+    context.undo()
+    assert tool.unnamed == ()
 
 
 def test_undo_selects_what_was_removed(context: HeadlessContext) -> None:

@@ -16,7 +16,7 @@ from faceposer.solve.constraints.registry import Constraint
 
 # Rows that are always shown; more are if the panel has room.
 _LEAST_ROWS = 4
-# Height of the buttons and settings below the list, in units of the font size.
+# Height of the buttons and settings below the list until they have been drawn, in units of the font size.
 _BELOW = 7.5
 # In units of the font size: side of a row's buttons, width of the icon, padding above and below the text.
 _BUTTON, _ICON, _PAD = 1.45, 1.4, 0.3
@@ -37,8 +37,10 @@ class ConstraintsPanel:
     """The list of constraints, and the settings of the selected one."""
 
     def __init__(self) -> None:
-        # Selection to which the list was scrolled last.
-        self._revealed: frozenset[int] = frozenset()
+        # Selection and height of the list when it was scrolled last.
+        self._revealed: tuple[frozenset[int], float] = (frozenset(), 0.0)
+        # Height of what was drawn below the list last.
+        self._below: float | None = None
 
     def draw(self, context: EditorContext) -> None:
         """Draw the panel."""
@@ -48,6 +50,7 @@ class ConstraintsPanel:
             caption(context.toolbox.chosen.empty_text)
             return
         self._draw_rows(context)
+        begin = imgui.get_cursor_pos().y
         imgui.spacing()
         width = button_width(2)
         reason = "The selection is locked; unlock it first." if context.toolbox.selection else "Nothing is selected."
@@ -58,6 +61,11 @@ class ConstraintsPanel:
         if len(selected) == 1:
             imgui.spacing()
             draw_details(context, selected[0])
+        below = imgui.get_cursor_pos().y - begin
+        if below != self._below:
+            # The list takes the room that is left.
+            self._below = below
+            context.redraw()
 
     def _rows(self, context: EditorContext, width: float) -> list[_Row]:
         """Return the rows of a list of ``width``; a name that is too long for one line takes two."""
@@ -82,10 +90,13 @@ class ConstraintsPanel:
         rows = self._rows(context, imgui.get_content_region_avail().x - imgui.get_style().scrollbar_size)
         whole = sum(row.height for row in rows)
         least = sum(row.height for row in rows[:_LEAST_ROWS])
-        room = imgui.get_content_region_avail().y - em(_BELOW)
-        imgui.begin_child("##constraints", ImVec2(0.0, min(whole, max(room, least))))
-        new = frozenset(context.toolbox.selection) - self._revealed
-        self._revealed = frozenset(context.toolbox.selection)
+        below = em(_BELOW) if self._below is None else self._below
+        height = min(whole, max(imgui.get_content_region_avail().y - below, least))
+        imgui.begin_child("##constraints", ImVec2(0.0, height))
+        selection = frozenset(context.toolbox.selection)
+        seen, at_height = self._revealed
+        new = selection if height < at_height else selection - seen
+        self._revealed = (selection, height)
         for i, row in enumerate(rows):
             if i in new:
                 _reveal(imgui.get_cursor_pos().y, row.height)

@@ -1,5 +1,6 @@
 """Sketches at the window, by pointer and keys alone, with the real recogniser."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -128,11 +129,50 @@ def test_a_scribble_is_reported_and_can_be_named(robot: Robot) -> None:
     robot.click_widget("sketch-name")
     robot.click_widget("feature:mouth line")
     assert features(robot) == ["mouth line"]
+    assert "sketch:unnamed:label" not in app.widget_rects
     robot.key("Ctrl+Z")
-    robot.draw(scribble(robot))
+    assert features(robot) == []
+    assert "sketch:unnamed:label" in app.widget_rects, "it is unnamed again"
     robot.click_widget("sketch:unnamed:list")
     robot.click_widget("feature:left brow")
     assert features(robot) == ["left brow"]
+
+
+def test_strokes_without_a_name_wait_and_are_deleted(robot: Robot) -> None:
+    app = robot.app
+    robot.draw(way_of(robot, "left brow", -10.0))
+    for dy in (0.0, 60.0):
+        robot.draw([(x, y + dy) for x, y in scribble(robot)])
+    assert {"sketch:unnamed:label", "sketch:unnamed-2:label"} <= set(app.widget_rects)
+    robot.draw(way_of(robot, "right brow", -10.0))
+    assert {"sketch:unnamed:label", "sketch:unnamed-2:label"} <= set(app.widget_rects)
+    robot.key("Delete")
+    assert features(robot) == ["left brow"], "the selected sketch is removed"
+    assert len(app.toolbox.sketch_tool.unnamed) == 2
+    for left in (1, 0):
+        robot.key("Delete")
+        assert len(app.toolbox.sketch_tool.unnamed) == left, "then the strokes from the last to the first"
+    assert features(robot) == ["left brow"]
+    robot.draw(scribble(robot))
+    robot.key("Delete")
+    assert app.toolbox.sketch_tool.unnamed == ()
+    assert features(robot) == ["left brow"], "a stroke that is no feature is removed before what was selected"
+
+
+def test_the_panel_of_many_sketches_shows_the_selected_one_and_its_settings(open_window: OpenWindow) -> None:
+    robot = open_window("man", (1360, 860))
+    app = robot.app
+    robot.key("E")
+    robot.key("X")
+    features = (("left brow", -10.0), ("left upper lid", -4.0), ("left cheek line", 0.0), ("left lower lid", 4.0))
+    for feature, dy in (*features, ("outer upper lip", -3.0), ("outer lower lip", 4.0), ("jaw line", 40.0)):
+        robot.draw(way_of(robot, feature, dy))
+    robot.frames(4)
+    assert len(sketches(robot)) >= 9
+    assert app.drawn_constraints.conflicts, "a line of text is above the settings"
+    (chosen,) = app.toolbox.selection
+    rects = [app.widget_rects[name] for name in (f"point:{chosen}", "delete", "sketch:next", "detail:weight", "save")]
+    assert all(above[3] <= below[1] for above, below in itertools.pairwise(rects)), rects
 
 
 def test_the_method_is_a_step_of_the_history(robot: Robot) -> None:

@@ -50,17 +50,21 @@ class SketchFeature(Feature):
     @property
     def hint(self) -> str:
         """Message on a stroke that is not recognised, wherever the pointer is."""
-        unfinished = self.chosen and self.tool.can_step_back and not self.context.toolbox.active
+        unfinished = self.chosen and (self.tool.waiting or self.tool.unnamed) and not self.context.toolbox.active
         return self.tool.hint(self.context.viewport) if unfinished else ""
 
     @property
     def selects(self) -> bool:
-        """True if strokes wait for the recogniser; "Delete" removes them."""
-        return bool(self.tool.waiting)
+        """True if "Delete" removes strokes that wait for the recogniser, or the last one that depicts no feature."""
+        tool = self.tool
+        return bool(tool.waiting) or (self.chosen and bool(tool.unnamed) and not self.context.toolbox.selection)
 
     def delete_selected(self) -> None:
-        """Discard the strokes that wait."""
-        self.tool.waiting.clear()
+        """Discard the strokes that wait, or else the last one that depicts no feature."""
+        if self.tool.waiting:
+            self.tool.waiting.clear()
+        else:
+            self.tool.discard_last()
 
     def session_changed(self) -> None:
         """Serve the tool of the new session."""
@@ -82,7 +86,7 @@ class SketchFeature(Feature):
             self._prepared = session.model
             if isinstance(session.worker, SolverWorker):
                 self._prepare(session.model)
-        if not self.context.toolbox.active and self.tool.leave_behind(self.context.viewport):
+        if not self.context.toolbox.active and self.tool.follow(self.context.viewport):
             self.context.redraw()
         if not self.context.busy and self.tool.advance(self.context.viewport):
             self.context.redraw()

@@ -24,7 +24,7 @@ _Named = tuple[int, str, Array, Colour, float]
 #: Name of the stroke that depicts no feature.
 NO_FEATURE = "no feature"
 # Index under which the name of an unfinished stroke is placed; it cannot be clicked.
-_PREVIEW = UNNAMED - 1
+_PREVIEW = -(2**31)
 # At normal density: margins of a name, and its distance from the stroke.
 _PAD_X, _PAD_Y, _GAP = 5.0, 2.0, 9.0
 # Distance at normal density from which a line connects a name with its stroke.
@@ -79,11 +79,11 @@ class SketchOverlay:
             seen = pixels_in_view(as_pixels(tool.drawing), tool.drawn_in, context.viewport.camera)
             if seen is not None:
                 found.append((_PREVIEW, tool.preview.feature, seen, TARGET, 1.0))
-        if chosen and tool.unnamed is not None:
-            stroke = tool.unnamed.stroke
+        for index in range(-1, -len(tool.unnamed) - 1, -1) if chosen else ():
+            stroke = tool.unnamed[index].stroke
             seen = pixels_in_view(as_pixels(stroke.pixels), stroke.camera, context.viewport.camera)
             if seen is not None:
-                found.append((UNNAMED, NO_FEATURE, seen, WARNING, 1.0))
+                found.append((index, NO_FEATURE, seen, WARNING, 1.0))
         constraints = context.session.document.constraints
         hidden = context.drawn_constraints.hidden.indices(constraints)
         pointed = context.highlighted
@@ -124,9 +124,9 @@ class SketchOverlay:
                     painter.knob((x, y), 2.6, INK, 1.0, False)
         for stroke, colour in (
             *((waiting, TARGET) for waiting in tool.waiting),
-            (None if tool.unnamed is None else tool.unnamed.stroke, WARNING),
+            *((unnamed.stroke, WARNING) for unnamed in tool.unnamed),
         ):
-            seen = None if stroke is None else pixels_in_view(as_pixels(stroke.pixels), stroke.camera, camera)
+            seen = pixels_in_view(as_pixels(stroke.pixels), stroke.camera, camera)
             if seen is not None:
                 painter.line(seen, colour, 2.0, 0.85)
 
@@ -221,8 +221,9 @@ class SketchOverlay:
         x, y = self._context.viewport.origin
         for kind, boxes in (("label", labels), ("list", lists)):
             for index, (left, top, right, bottom) in boxes.items():
-                name = f"sketch:{'unnamed' if index == UNNAMED else index}:{kind}"
-                if index >= UNNAMED:
+                # The last unnamed stroke has no number, those before it -2, -3 and so on.
+                name = f"sketch:{index if index >= 0 else 'unnamed' + str(index).removeprefix(str(UNNAMED))}:{kind}"
+                if index != _PREVIEW:
                     right_of_name = right - (self._list_width if kind == "label" and lists else 0.0)
                     self._context.widget_rects.place(name, (left + x, top + y, right_of_name + x, bottom + y))
 

@@ -32,8 +32,14 @@ def draw_sketch_options(feature: "SketchFeature") -> None:
         session.set_sketch_method(_METHODS[chosen])
     if feature.preparing:
         caption("Preparing the recogniser for this character...")
-    elif tool.unnamed is not None:
-        caption(f"{UNRECOGNISED}. Draw it again, or name it:")
+    elif tool.unnamed:
+        count = len(tool.unnamed)
+        if count > 1:
+            caption(f"{count} strokes depict no feature. Name the last:")
+        elif tool.unnamed[-1].depth >= session.depth:
+            caption(f"{UNRECOGNISED}. Name it:")
+        else:
+            caption("A stroke depicts no feature. Name it:")
         imgui.set_next_item_width(-1.0)
         opened = imgui.begin_combo("##unnamed", "Name the stroke", imgui.ComboFlags_.height_largest.value)
         context.widget_rects.record("sketch-name")

@@ -13,7 +13,6 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.feature_curves import drawable_features
 from faceposer.sketch.recognition import Candidate
 from faceposer.solve.constraints.sketch import SketchConstraint
-from faceposer.tools.sketch_tool import UNNAMED
 
 # Least probability that is shown.
 _NOTABLE = 0.005
@@ -36,12 +35,15 @@ def draw(context: EditorContext, index: int, constraint: SketchConstraint) -> No
 
 
 def draw_feature_list(context: EditorContext, index: int) -> None:
-    """Draw a row for each feature that sketch ``index``, or the unnamed stroke, may depict, and choose that pressed."""
+    """Draw a row for each feature that stroke ``index`` may depict, and choose that pressed.
+
+    Negative indices are those of unnamed strokes.
+    """
     tool = context.toolbox.sketch_tool
     constraints = context.session.document.constraints
     present = ""
-    if index == UNNAMED:
-        candidates = () if tool.unnamed is None else tool.unnamed.candidates
+    if index < 0:
+        candidates = tool.unnamed[index].candidates if len(tool.unnamed) >= -index else ()
     elif isinstance(sketch := constraints[index] if index < len(constraints) else None, SketchConstraint):
         present, candidates = sketch.feature, tool.candidates_of(index, context.viewport)
     else:
@@ -69,12 +71,12 @@ def _listed(candidates: Sequence[Candidate], drawable: Sequence[str]) -> list[tu
 
 
 def choose_feature(context: EditorContext, index: int, name: str) -> None:
-    """Make sketch ``index``, or the unnamed stroke, depict the feature ``name``."""
+    """Make sketch ``index``, or the unnamed stroke of that negative index, depict the feature ``name``."""
     tool = context.toolbox.sketch_tool
     if context.busy:
         return
-    if index == UNNAMED:
-        tool.name_stroke(name, context.viewport)
+    if index < 0:
+        tool.name_stroke(name, context.viewport, index)
     else:
         tool.choose_feature(index, name, context.viewport)
     context.redraw()
