@@ -159,20 +159,27 @@ def test_strokes_without_a_name_wait_and_are_deleted(robot: Robot) -> None:
     assert features(robot) == ["left brow"], "a stroke that is no feature is removed before what was selected"
 
 
-def test_the_panel_of_many_sketches_shows_the_selected_one_and_its_settings(open_window: OpenWindow) -> None:
-    robot = open_window("man", (1360, 860))
+def test_the_panel_of_many_sketches_shows_the_selected_one_and_its_settings(
+    open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The settings need more room than is assumed at first.
+    monkeypatch.setattr("faceposer.gui.panels.constraints._BELOW", 3.0)
+    robot = open_window("man", (1360, 785))
     app = robot.app
     robot.key("E")
     robot.key("X")
     features = (("left brow", -10.0), ("left upper lid", -4.0), ("left cheek line", 0.0), ("left lower lid", 4.0))
-    for feature, dy in (*features, ("outer upper lip", -3.0), ("outer lower lip", 4.0), ("jaw line", 40.0)):
+    for feature, dy in (*features, ("outer upper lip", -3.0), ("outer lower lip", 4.0), ("jaw line", 14.0)):
         robot.draw(way_of(robot, feature, dy))
     robot.frames(4)
     assert len(sketches(robot)) >= 9
-    assert app.drawn_constraints.conflicts, "a line of text is above the settings"
     (chosen,) = app.toolbox.selection
     rects = [app.widget_rects[name] for name in (f"point:{chosen}", "delete", "sketch:next", "detail:weight", "save")]
     assert all(above[3] <= below[1] for above, below in itertools.pairwise(rects)), rects
+    heights = [rect[3] - rect[1] for rect in rects[1:4]]
+    assert max(heights) - min(heights) <= 1.0, "the settings are not cut"
+    above = app.widget_rects[f"point:{chosen - 1}"]
+    assert rects[0][3] - rects[0][1] >= above[3] - above[1] - 1.0, "nor is the row"
 
 
 def test_the_method_is_a_step_of_the_history(robot: Robot) -> None:
@@ -331,11 +338,15 @@ def test_the_recogniser_is_prepared_in_the_background(robot: Robot, monkeypatch:
     gate = threading.Event()
     monkeypatch.setattr("faceposer.gui.features.sketch.feature.prepare_recognition", lambda model: gate.wait(30.0))
     feature._prepare(app.session.model)
+    robot.draw(scribble(robot))
     robot.draw(way_of(robot, "left brow", -10.0))
     assert features(robot) == []
+    assert len(app.toolbox.sketch_tool.waiting) == 2
     assert "Preparing" in app.hint()
     gate.set()
     feature.join()
+    robot.draw(way_of(robot, "right brow", -10.0))
     robot.frames(2)
-    assert features(robot) == ["left brow"]
+    assert features(robot) == ["left brow", "right brow"]
+    assert len(app.toolbox.sketch_tool.unnamed) == 1, "nor is the stroke lost that is no feature"
     assert "Preparing" not in app.hint()
