@@ -1,4 +1,4 @@
-"""Strokes with which an artist posed the characters at rest in the window, in pixels of views of 960 x 960.
+"""Strokes with which an artist posed the characters at rest in the window, in pixels of views of 1012 x 804.
 
 Features separated by | are alike in the place of the stroke; "" stands for strokes that depict nothing.
 """
@@ -8,110 +8,110 @@ from collections.abc import Iterator
 import numpy as np
 
 _DRAWN = """
-man front left brow: 541,326 583,293 642,281 702,308
-man front left brow: 547,293 583,308 642,332 696,356
-man front left brow: 529,362 571,340 642,314 700,326
-man front right brow: 416,314 356,272 308,266 254,308
-man front left upper lid: 544,421 571,431 601,436 630,431 651,419
-man front left upper lid: 544,417 568,388 597,376 628,386 651,414
-man front left lower lid: 544,420 571,421 601,419 630,417 651,414
-man front left lower lid: 544,421 571,439 601,448 630,441 651,419
-man front left eye outline: 544,419 571,386 601,379 630,388 651,417 630,438 597,443 568,436 544,420
-man front mouth line: 368,648 416,675 479,684 543,675 592,646
-man front mouth line: 380,699 427,677 479,667 531,677 579,699
-man front mouth line: 386,675 479,672 535,663 589,642
-man front inner lower lip|outer lower lip: 382,677 421,726 479,744 537,726 574,677
-man front outer lower lip|inner lower lip: 392,679 427,756 479,792 535,756 568,679
-man front outer upper lip: 380,675 439,630 463,624 479,632 496,624 523,630 577,675
-man front inner upper lip|outer upper lip: 389,672 433,654 479,651 525,654 568,672
-man front inner lower lip|outer lower lip: 389,675 433,720 479,732 525,720 568,675
-man front mouth outline: 427,675 445,636 479,624 513,636 533,675 513,720 479,734 445,720 427,675
-man front mouth outline: 368,654 427,646 479,648 531,646 592,654 541,702 479,718 421,702 368,657
-man front left nose wing: 535,529 542,553 533,574 511,572
-man front left nose wing: 540,519 556,543 547,567 523,574
-man front jaw line: 290,732 332,827 404,887 479,905 553,887 624,827 669,732
-man front jaw line: 296,732 344,804 427,845 505,845 583,816 654,732
-man front left cheek line: 565,529 601,505 654,493 696,469
-man front inner lower lip|outer lower lip: 362,654 421,696 479,710 541,696 597,654
-man front left brow: 547,308 583,312 642,326 696,352
-man front left brow: 544,300 595,304 654,326 702,362
-man front left brow: 535,278 595,302 654,332 702,362
-man front left brow: 549,296 601,293 654,312 700,347
-man front right brow: 416,293 380,302 320,328 260,356
-man front right brow: 413,304 362,300 308,314 260,347
-man front left brow: 541,302 583,260 642,248 708,278
-man front left brow: 541,284 583,236 642,221 708,254
-man front right brow: 430,368 380,344 320,314 260,332
-man front left brow: 535,368 696,308
-man front left brow: 541,338 696,332
-man front left brow: 535,362 607,347 702,356
-man front left brow: 517,356 583,344 696,347
-man front left brow: 702,308 642,281 583,293 541,326
-man front left brow: 541,314 583,281 642,269 702,296
-man front left brow: 547,308 696,359
-man front left brow: 529,362 696,312
-man front left brow: 607,290 642,281 696,302
-man front left brow: 547,302 589,303 642,321 696,356
-man front left brow: 523,364 571,344 642,314 700,324
-man front right brow: 416,314 356,281 308,276 254,308
-man front mouth line: 380,651 421,675 479,684 537,675 583,651
-man front left lower lid|left upper lid: 544,421 568,426 601,426 630,423 651,416
-man front left upper lid: 544,419 571,405 601,400 630,405 651,416
-man front left upper lid: 544,421 568,405 601,402 630,412 651,424
-man front mouth line: 386,694 427,677 479,670 531,677 573,694
-man front left upper lid: 542,424 568,398 601,393 630,402 651,419
-man front left lower lid: 544,421 571,429 601,429 630,424 651,417
-man front outer upper lip: 392,660 439,639 463,636 479,641 496,636 521,640 568,660
-man front outer lower lip|inner lower lip: 389,675 427,714 479,722 531,714 571,675
-man front left lower lid: 544,421 571,438 601,443 630,438 651,414
-man front outer lower lip|inner lower lip: 396,679 427,744 479,770 535,744 564,679
-man front jaw line: 290,708 302,756 344,804 410,839 479,847 549,839 615,804 657,756 669,708
-man front jaw line: 320,768 356,816 427,851 479,857 531,851 601,816 639,768
-man front : 583,684 595,699 630,648
-man front : 589,326 607,322
-man front : -2,326 57,302 129,314
-man front : 762,636 810,684 833,744
-man front : 380,183 479,171 583,183
-man front : 481,583 482,613
-man front : 356,875 479,911 607,875
-man three-quarter left brow: 310,344 356,314 427,302 487,312 525,344
-man three-quarter left brow: 302,380 356,362 427,336 487,336 523,356
-man three-quarter left brow: 320,326 380,324 451,344 517,383
-man three-quarter right brow: 228,344 207,320 167,308
-man three-quarter left upper lid: 350,427 380,443 416,448 457,443
-man three-quarter left upper lid: 347,424 374,398 404,395 433,410 460,442
-man three-quarter mouth line: 224,666 260,690 308,699 386,672
-man three-quarter mouth line: 219,699 242,682 296,682 377,714
-man three-quarter outer lower lip|inner lower lip: 222,682 230,744 278,780 332,762 370,699
-man three-quarter left eye outline: 347,427 374,400 404,398 433,410 460,442 427,460 392,464 362,448 347,429
-man three-quarter outer upper lip: 222,672 230,642 266,648 320,666 380,691
-man three-quarter left nose wing: 318,541 332,565 326,586 302,589
-creature front left brow: 529,320 607,281 690,269 774,314
-creature front left brow: 541,308 607,314 690,338 780,380
-creature front left brow: 523,380 595,338 678,302 774,326
-creature front left upper lid: 541,407 595,419 642,421 690,419 736,412
-creature front left upper lid: 541,405 589,371 642,364 696,380 736,410
-creature front mouth line: 302,607 380,640 479,648 583,640 660,604
-creature front mouth line: 320,672 404,646 479,636 553,646 642,672
-creature front outer lower lip|inner lower lip: 326,639 392,708 479,732 565,708 630,639
-creature front mouth outline: 344,636 392,607 479,598 565,607 613,636 565,702 479,718 392,702 344,638
-creature front mouth outline: 296,638 380,607 479,601 577,607 654,638 577,690 479,702 380,690 297,639
-creature front left nose wing: 547,493 583,511 577,535 541,539
-creature front jaw line: 278,726 344,774 416,800 479,806 547,800 613,774 681,726
-creature front jaw line: 284,722 344,768 416,796 479,801 543,796 613,768 676,722
-creature front left upper lid: 541,407 595,426 642,431 690,426 736,412
-woman front left brow: 541,332 589,302 642,296 700,332
-woman front left brow: 544,326 589,324 642,344 696,376
-woman front left brow: 525,374 583,352 642,324 696,336
-woman front left upper lid: 541,443 571,460 601,463 630,460 658,445
-woman front left upper lid: 541,441 571,410 597,402 628,410 658,442
-woman front left lower lid: 541,442 571,453 601,455 630,451 658,443
-woman front mouth line: 375,651 421,675 479,684 537,675 585,651
-woman front mouth line: 387,699 433,682 479,675 525,682 573,699
-woman front outer lower lip|inner lower lip: 392,679 433,744 479,765 525,744 567,679
-woman front mouth outline: 421,675 445,639 479,632 513,639 537,675 513,732 479,744 445,732 421,676
-woman front left nose wing: 525,553 537,571 533,591 511,596
-woman front jaw line: 326,770 368,810 427,837 479,841 531,837 589,810 634,770
+man front left brow: 557,273 592,245 642,235 692,258
+man front left brow: 562,245 592,258 642,278 687,298
+man front left brow: 547,303 582,285 642,263 690,273
+man front right brow: 452,263 402,228 362,223 317,258
+man front left upper lid: 560,353 582,361 607,365 632,361 649,351
+man front left upper lid: 560,349 580,325 604,315 630,323 649,347
+man front left lower lid: 560,352 582,353 607,351 632,349 649,347
+man front left lower lid: 560,353 582,368 607,375 632,369 649,351
+man front left eye outline: 560,351 582,323 607,317 632,325 649,349 632,367 604,371 580,365 560,352
+man front mouth line: 412,543 452,565 505,573 559,565 600,541
+man front mouth line: 422,585 462,567 505,559 549,567 589,585
+man front mouth line: 427,565 505,563 552,555 597,538
+man front inner lower lip|outer lower lip: 424,567 457,608 505,623 554,608 585,567
+man front outer lower lip|inner lower lip: 432,569 462,633 505,663 552,633 580,569
+man front outer upper lip: 422,565 472,528 492,523 505,529 519,523 542,528 587,565
+man front inner upper lip|outer upper lip: 430,563 467,548 505,545 544,548 580,563
+man front inner lower lip|outer lower lip: 430,565 467,603 505,613 544,603 580,565
+man front mouth outline: 462,565 477,533 505,523 534,533 550,565 534,603 505,615 477,603 462,565
+man front mouth outline: 412,548 462,541 505,543 549,541 600,548 557,588 505,601 457,588 412,550
+man front left nose wing: 552,443 558,463 550,481 532,479
+man front left nose wing: 556,435 570,455 562,475 542,481
+man front jaw line: 347,613 382,693 442,743 505,758 567,743 627,693 664,613
+man front jaw line: 352,613 392,673 462,708 527,708 592,683 652,613
+man front left cheek line: 577,443 607,423 652,413 687,393
+man front inner lower lip|outer lower lip: 407,548 457,583 505,595 557,583 604,548
+man front left brow: 562,258 592,261 642,273 687,295
+man front left brow: 560,251 602,255 652,273 692,303
+man front left brow: 552,233 602,253 652,278 692,303
+man front left brow: 564,248 607,245 652,261 690,291
+man front right brow: 452,245 422,253 372,275 322,298
+man front right brow: 450,255 407,251 362,263 322,291
+man front left brow: 557,253 592,218 642,208 697,233
+man front left brow: 557,238 592,198 642,185 697,213
+man front right brow: 464,308 422,288 372,263 322,278
+man front left brow: 552,308 687,258
+man front left brow: 557,283 687,278
+man front left brow: 552,303 612,291 692,298
+man front left brow: 537,298 592,288 687,291
+man front left brow: 692,258 642,235 592,245 557,273
+man front left brow: 557,263 592,235 642,225 692,248
+man front left brow: 562,258 687,301
+man front left brow: 547,303 687,261
+man front left brow: 612,243 642,235 687,253
+man front left brow: 562,253 597,254 642,269 687,298
+man front left brow: 542,305 582,288 642,263 690,271
+man front right brow: 452,263 402,235 362,231 317,258
+man front mouth line: 422,545 457,565 505,573 554,565 592,545
+man front left lower lid|left upper lid: 560,353 580,357 607,357 632,354 649,348
+man front left upper lid: 560,351 582,339 607,335 632,339 649,348
+man front left upper lid: 560,353 580,339 607,337 632,345 649,355
+man front mouth line: 427,581 462,567 505,561 549,567 584,581
+man front left upper lid: 558,355 580,333 607,329 632,337 649,351
+man front left lower lid: 560,353 582,359 607,359 632,355 649,349
+man front outer upper lip: 432,553 472,535 492,533 505,537 519,533 540,536 580,553
+man front outer lower lip|inner lower lip: 430,565 462,598 505,605 549,598 582,565
+man front left lower lid: 560,353 582,367 607,371 632,367 649,347
+man front outer lower lip|inner lower lip: 436,569 462,623 505,645 552,623 576,569
+man front jaw line: 347,593 357,633 392,673 447,703 505,709 564,703 619,673 654,633 664,593
+man front jaw line: 372,643 402,683 462,713 505,718 549,713 607,683 639,643
+man front : 592,573 602,585 632,543
+man front : 597,273 612,270
+man front : 102,273 152,253 212,263
+man front : 742,533 782,573 802,623
+man front : 422,153 505,143 592,153
+man front : 507,488 508,513
+man front : 402,733 505,763 612,733
+man three-quarter left brow: 364,288 402,263 462,253 512,261 544,288
+man three-quarter left brow: 357,318 402,303 462,281 512,281 542,298
+man three-quarter left brow: 372,273 422,271 482,288 537,321
+man three-quarter right brow: 295,288 277,268 244,258
+man three-quarter left upper lid: 397,358 422,371 452,375 487,371
+man three-quarter left upper lid: 395,355 417,333 442,331 467,343 489,370
+man three-quarter mouth line: 292,558 322,578 362,585 427,563
+man three-quarter mouth line: 287,585 307,571 352,571 420,598
+man three-quarter outer lower lip|inner lower lip: 290,571 297,623 337,653 382,638 414,585
+man three-quarter left eye outline: 395,358 417,335 442,333 467,343 489,370 462,385 432,389 407,375 395,359
+man three-quarter outer upper lip: 290,563 297,538 327,543 372,558 422,579
+man three-quarter left nose wing: 370,453 382,473 377,491 357,493
+creature front left brow: 547,268 612,235 682,225 752,263
+creature front left brow: 557,258 612,263 682,283 757,318
+creature front left brow: 542,318 602,283 672,253 752,273
+creature front left upper lid: 557,341 602,351 642,353 682,351 720,345
+creature front left upper lid: 557,339 597,311 642,305 687,318 720,343
+creature front mouth line: 357,508 422,536 505,543 592,536 657,506
+creature front mouth line: 372,563 442,541 505,533 567,541 642,563
+creature front outer lower lip|inner lower lip: 377,535 432,593 505,613 577,593 632,535
+creature front mouth outline: 392,533 432,508 505,501 577,508 617,533 577,588 505,601 432,588 392,534
+creature front mouth outline: 352,534 422,508 505,503 587,508 652,534 587,578 505,588 422,578 353,535
+creature front left nose wing: 562,413 592,428 587,448 557,451
+creature front jaw line: 337,608 392,648 452,670 505,675 562,670 617,648 674,608
+creature front jaw line: 342,605 392,643 452,667 505,671 559,667 617,643 670,605
+creature front left upper lid: 557,341 602,357 642,361 682,357 720,345
+woman front left brow: 557,278 597,253 642,248 690,278
+woman front left brow: 560,273 597,271 642,288 687,315
+woman front left brow: 544,313 592,295 642,271 687,281
+woman front left upper lid: 557,371 582,385 607,388 632,385 655,373
+woman front left upper lid: 557,369 582,343 604,337 630,343 655,370
+woman front left lower lid: 557,370 582,379 607,381 632,378 655,371
+woman front mouth line: 418,545 457,565 505,573 554,565 594,545
+woman front mouth line: 428,585 467,571 505,565 544,571 584,585
+woman front outer lower lip|inner lower lip: 432,569 467,623 505,641 544,623 579,569
+woman front mouth outline: 457,565 477,535 505,529 534,535 554,565 534,613 505,623 477,613 457,566
+woman front left nose wing: 544,463 554,478 550,495 532,499
+woman front jaw line: 377,645 412,678 462,701 505,704 549,701 597,678 635,645
 """
 
 
