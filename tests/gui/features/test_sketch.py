@@ -164,7 +164,7 @@ def test_the_panel_of_many_sketches_shows_the_selected_one_and_its_settings(
 ) -> None:
     # The settings need more room than is assumed at first.
     monkeypatch.setattr("faceposer.gui.panels.constraints._BELOW", 3.0)
-    robot = open_window("man", (1360, 785))
+    robot = open_window("man", (1360, 830))
     app = robot.app
     robot.key("E")
     robot.key("X")
