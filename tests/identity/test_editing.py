@@ -85,7 +85,6 @@ def test_average_caricature_and_mixtures_lie_on_a_line(editor: HeadEditor) -> No
     assert editor.distance(editor.random(1)) == pytest.approx(1.0, abs=0.3)
 
 
-<<<<<<< HEAD
 def test_the_skin_follows_age_and_gender(editor: HeadEditor) -> None:
     model = load_texture_model()
     young = dataclasses.replace(
@@ -113,7 +112,8 @@ def test_the_skin_follows_age_and_gender(editor: HeadEditor) -> None:
     own = editor.own_texture()
     assert model.tone(toned.coefficients) == pytest.approx(0.5)
     assert model.label(toned.coefficients, "age") > model.label(own.coefficients, "age") + 0.5
-=======
+
+
 @pytest.mark.parametrize("factor", [1.7, 2.0])
 def test_caricatures_do_not_fold_over(editor: HeadEditor, factor: float) -> None:
     triangles = editor.template.triangles
@@ -127,7 +127,6 @@ def test_caricatures_do_not_fold_over(editor: HeadEditor, factor: float) -> None
     turned = np.einsum("fd,fd->f", normals(editor.own), normals(editor.own.scaled(factor)))
     # All of the detail, scaled, turns over 52 and 306.
     assert np.count_nonzero(turned < 0.0) < 10
->>>>>>> hg
 
 
 def test_identities_survive_their_file(editor: HeadEditor) -> None:
