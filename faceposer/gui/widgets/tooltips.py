@@ -105,7 +105,7 @@ def tooltip_place(
         places = []
         for order, units in enumerate(_WIDTHS):
             for room, right in ((view[0] - box[2] - 2.0 * gap, True), (box[0] - 2.0 * gap, False)):
-                size = measured(width := min(units * unit, max(room, unit)))
+                size = measured(width := units * unit)
                 if size[0] > room:
                     continue
                 level = min(max(item[1], gap), max(view[1] - size[1] - gap, 0.0))

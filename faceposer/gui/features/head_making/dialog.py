@@ -87,7 +87,7 @@ class HeadDialog:
         assert head.job is not None
         title = "Finding landmarks" if head.page == "finding" else "Fitting the head"
         stage = "Stopping..." if head.job.cancelled else f"{head.job.stage}..."
-        text = f"{stage} It takes half a minute; nothing is written before you save."
+        text = f"{stage} Nothing is written before you save."
         draw_job(head.context.fonts, head.context.widget_rects, self._prefix, title, head.job, text, escapes=False)
 
     def _draw_page(self) -> None:

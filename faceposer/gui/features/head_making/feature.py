@@ -312,8 +312,8 @@ class HeadMakingFeature(Feature, Generic[M, H]):
             self.error = str(error)
             return
         self.close_dialog()
-        self.context.notify(f"Saved {result.character.title}. It is in the list of characters at the top of the panel.")
         self.opened(result, path)
+        self.context.notify(f"Saved {result.character.title}. It is in the list of characters at the top of the panel.")
 
     def close(self) -> None:
         """Cancel the work and release pictures."""

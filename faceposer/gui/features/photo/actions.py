@@ -54,7 +54,7 @@ def photo_actions(photos: "PhotoFeature") -> tuple[Action, ...]:
             "Tools",
             photos.take_expression,
             (),
-            lambda: has_photo() and not photos.expression.running,
+            lambda: has_photo() and not photos.expression.running and photos.takes_expressions,
             help="Find the face in the photo and pose the character after it, without pins",
         ),
         Action(

@@ -22,6 +22,7 @@ from faceposer.gui.features.photo.overlay import draw_photo_overlay
 from faceposer.gui.features.photo.panel import draw_photo_tab
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_request import FileRequest
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.photo.aligning import aligned, first_camera
 from faceposer.photo.photo import MAX_PHOTOS, Photo, Place
 from faceposer.photo.reading import PHOTO_SUFFIXES, inspect_photo, read_photo
@@ -368,6 +369,11 @@ class PhotoFeature(Feature):
             session.replace(replace(document, photos=(*document.photos[:index], *document.photos[index + 1 :])))
         if self.photos:
             self.choose(min(self.active or 0, len(self.photos) - 1))
+
+    @property
+    def takes_expressions(self) -> bool:
+        """True if the character has shapes of ARKit, to which the expression of a photo is given."""
+        return not set(ARKIT_SHAPES).isdisjoint(self.context.session.model.character.shape_names)
 
     def take_expression(self) -> None:
         """Pose the face after the active photo without pins; constraints are removed."""

@@ -49,7 +49,10 @@ def draw_photo_tab(photos: "PhotoFeature") -> None:
         imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
         wrapped_text(f"{Icon.WARNING} The file cannot be read: {photo.path}")
         imgui.pop_style_color()
-    action_button(context.widget_rects, context.actions["photo-expression"], -1.0, strong=not photo.pins)
+    takes = photos.takes_expressions
+    reason = "" if takes else "This character has none of ARKit's shapes; set pins and pose from them."
+    action = context.actions["photo-expression"]
+    action_button(context.widget_rects, action, -1.0, strong=takes and not photo.pins, reason=reason)
     _draw_layers(photos, photo)
     _draw_camera(photos, photo)
     _draw_pins(photos, photo)
