@@ -41,7 +41,7 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
         "photo",
         "Add photo",
         "Photos of one person, with the face large and seen from the front or up to 60 degrees from the side. Several "
-        "photos determine the head better. Hair over the face, glasses and the folds of a smile leave traces in the skin.",
+        "photos determine the head better. Hair over the face, glasses and folds of a smile leave traces in the skin.",
         "Drag points that are not in their place.",
         (),
     )
@@ -65,7 +65,8 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
 
     def draw_options(self) -> None:
         """Draw the balance between likeness and likelihood."""
-        row_label("Likelihood", "Left: as much like the photo as possible; right: a head that is more usual. 1 balances both.")
+        tip = "Left: as much like the photo as possible; right: a head that is more usual. 1 balances both."
+        row_label("Likelihood", tip)
         imgui.set_next_item_width(-1.0)
         text = f"{10.0**self.likelihood:.2f}"
         _, value = slider("##likelihood", self.likelihood, -_MOST, _MOST, text)
