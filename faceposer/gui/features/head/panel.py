@@ -7,6 +7,8 @@ from imgui_bundle import imgui
 from faceposer.errors import FacePoserError
 from faceposer.gui.features.head.lines import Line
 from faceposer.gui.features.head.skin_panel import draw_skin
+from faceposer.gui.features.head.state import HeadState
+from faceposer.gui.features.head.variations import Variations
 from faceposer.gui.widgets.basic import (
     action_button,
     button_width,
@@ -24,7 +26,6 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.identity.identity import Identity
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.head.feature import HeadFeature
     from faceposer.identity.attributes import Attribute
     from faceposer.identity.editing import HeadEditor
 
@@ -45,9 +46,9 @@ _LABEL = 7.6
 class HeadPanel:
     """Content of the tab."""
 
-    def __init__(self, head: "HeadFeature") -> None:
-        """Show the state of ``head``."""
-        self._head = head
+    def __init__(self, head: HeadState, variations: Variations) -> None:
+        """Show the state of ``head`` and its ``variations``."""
+        self._head, self._variations = head, variations
         self._filter = ""
 
     def draw(self) -> None:
@@ -112,7 +113,7 @@ class HeadPanel:
             tooltip(
                 f"{name.capitalize()}\n{'Changes' if free else 'Locked'}; click to {'lock' if free else 'unlock'} it"
             )
-        shown = head.variations.shown
+        shown = self._variations.shown
         if fitted_button(
             context.widget_rects,
             "Other variations" if shown else "Variations",
@@ -120,12 +121,12 @@ class HeadPanel:
             imgui.get_content_region_avail().x if not shown else button_width(2),
             "Nine heads around this one to choose from",
         ):
-            head.variations.make()
+            self._variations.make()
         if shown:
             imgui.same_line()
             if fitted_button(context.widget_rects, "Close", "head:variations-close", button_width(1), "Close the grid"):
-                head.variations.close()
-            head.variations.draw()
+                self._variations.close()
+            self._variations.draw()
 
     # Lines of heads
 

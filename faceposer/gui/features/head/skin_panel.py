@@ -2,19 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec4, imgui
 
+from faceposer.gui.features.head.state import HeadState
 from faceposer.gui.widgets.basic import button_width, caption, fitted_button, heading
 from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
 from faceposer.identity.eye_colour import EYE_COLOURS
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.skin_layers import BROW_STYLES, HAIR_STYLES, Colour
 from faceposer.identity.texture_model import LIMIT, load_texture_model
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.head.feature import HeadFeature
 
 _SAME = 1e-3
 _CLAMP = imgui.SliderFlags_.clamp_on_input.value
@@ -28,7 +25,7 @@ _SHARES = (
 _Change = Callable[[SkinTexture], SkinTexture]
 
 
-def draw_skin(head: "HeadFeature") -> None:
+def draw_skin(head: HeadState) -> None:
     """Draw the section of the skin."""
     context = head.context
     heading(context.fonts, "Skin")
@@ -76,7 +73,7 @@ def draw_skin(head: "HeadFeature") -> None:
         _row(head, field, f"Set {title.lower()}", getattr(texture.layers, field), (0.0, 1.0), own_share, shared)
 
 
-def _draw_styles(head: "HeadFeature", texture: SkinTexture) -> None:
+def _draw_styles(head: HeadState, texture: SkinTexture) -> None:
     context, layers = head.context, texture.layers
     styles = (
         ("hair", "Hair", HAIR_STYLES, layers.hair, layers.hair_colour, "hair_colour"),
@@ -97,7 +94,7 @@ def _draw_styles(head: "HeadFeature", texture: SkinTexture) -> None:
         _apply(head, colour_field, f"Set colour of {field}", (picked, 0.0), _with_layer(colour_field, _rgb(new)))
 
 
-def _draw_eyes(head: "HeadFeature", texture: SkinTexture) -> None:
+def _draw_eyes(head: HeadState, texture: SkinTexture) -> None:
     context = head.context
     row_label("Eye colour", "Colour of the irises")
     names = ["own", *EYE_COLOURS]
@@ -123,7 +120,7 @@ def _rgb(colour: ImVec4) -> Colour:
 
 
 def _row(
-    head: "HeadFeature",
+    head: HeadState,
     name: str,
     label: str,
     value: float,
@@ -145,11 +142,11 @@ def _row(
         _set(head, label, change(own_value(head.own_texture)))
 
 
-def _apply(head: "HeadFeature", key: str, label: str, value: tuple[bool, float], change: _Change) -> None:
+def _apply(head: HeadState, key: str, label: str, value: tuple[bool, float], change: _Change) -> None:
     head.edit(key, label, value[0], lambda before: _changed(before, change))
 
 
-def _set(head: "HeadFeature", label: str, change: _Change) -> None:
+def _set(head: HeadState, label: str, change: _Change) -> None:
     head.set_identity(_changed(head.identity, change), label)
 
 

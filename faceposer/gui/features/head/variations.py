@@ -1,19 +1,16 @@
 """A grid of random variations of the head, to choose from."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
+from faceposer.gui.features.head.state import HeadState
 from faceposer.gui.features.poses.portraits import Portraits
 from faceposer.gui.widgets.theme import ACCENT, FIELD, RAISED_MORE, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.identity.identity import Identity
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.head.feature import HeadFeature
 
 _COLUMNS, _ROWS = 3, 3
 
@@ -21,7 +18,7 @@ _COLUMNS, _ROWS = 3, 3
 class Variations:
     """Random heads with thumbnails; the first is the head from which they were made."""
 
-    def __init__(self, head: "HeadFeature") -> None:
+    def __init__(self, head: HeadState) -> None:
         """Offer heads of ``head``."""
         self._head = head
         self._portraits = Portraits(head.context)
