@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 from faceposer.gui.actions import Action
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.keys.feature import KeysFeature
+    from faceposer.gui.features.keys.commands import KeyCommands
 
 _MENU = "Animate"
 
 
-def build_keys_actions(keys: "KeysFeature") -> list[Action]:
+def build_keys_actions(keys: "KeyCommands") -> list[Action]:
     """Return the actions of ``keys``."""
 
     def free() -> bool:

@@ -13,7 +13,7 @@ from faceposer.session.key_folder import SIDES, Side
 from faceposer.session.key_set import KeySet, ListedKey
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.keys.feature import KeysFeature
+    from faceposer.gui.features.keys.commands import KeyCommands
 
 # Width of a picture, gap between pairs, height of the bar, in units of the font size.
 _PICTURE, _GAP, _BAR = 4.7, 0.7, 0.22
@@ -22,7 +22,7 @@ _PICTURE, _GAP, _BAR = 4.7, 0.7, 0.22
 class KeyCells:
     """The pairs in rows."""
 
-    def __init__(self, keys: "KeysFeature") -> None:
+    def __init__(self, keys: "KeyCommands") -> None:
         """List the keys of ``keys``."""
         self._keys = keys
 

@@ -17,7 +17,7 @@ from faceposer.transfer.key_coverage import reach_of
 from faceposer.transfer.key_parameters import REGIONS
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.keys.feature import KeysFeature
+    from faceposer.gui.features.keys.commands import KeyCommands
 
 _PAD = 0.45
 # Height of the list of pairs, and width of the present pose with its clone, in units of the font size.
@@ -36,7 +36,7 @@ _REGION_LABELS = {"whole": "Clone the whole face", "halves": "Clone upper and lo
 class KeysPanel:
     """Content of the strip."""
 
-    def __init__(self, keys: "KeysFeature") -> None:
+    def __init__(self, keys: "KeyCommands") -> None:
         """Show the state of ``keys``."""
         self._keys = keys
         self._cells = KeyCells(keys)

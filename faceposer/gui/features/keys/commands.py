@@ -1,0 +1,233 @@
+"""Key poses in the window: the open folder, and the commands that change it, with their work in the background."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faceposer.errors import FacePoserError, counted
+from faceposer.gui.context import EditorContext
+from faceposer.gui.features.keys.covering import Covering
+from faceposer.gui.features.keys.creation import CreationDialog
+from faceposer.gui.features.keys.editing import KeyEditing
+from faceposer.gui.features.keys.faces import KeyFaces
+from faceposer.gui.features.keys.importance import ImportanceDialog, drawn_importance
+from faceposer.gui.features.keys.open_keys import OpenKeys
+from faceposer.gui.features.keys.work import KeyWork
+from faceposer.gui.settings import last_folder
+from faceposer.gui.widgets.dialogs import Choice, Question, TextQuestion
+from faceposer.gui.widgets.file_request import FileRequest
+from faceposer.poses.applying import pose_of
+from faceposer.poses.pose_file import Pose, checked_name
+from faceposer.progress import Progress
+from faceposer.session.key_compositions import compose_keys
+from faceposer.session.key_edits import add_key_pose, propose_again, save_key
+from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFolder, Side
+from faceposer.session.key_proposals import Proposal, create_keys
+from faceposer.session.key_set import ListedKey
+from faceposer.transfer.key_parameters import Regions
+
+# Kinds of keys in the order of the list.
+_ORDER = (EXPRESSION, VISEME, "", COMPOSED)
+
+
+class KeyCommands:
+    """The open key poses and their commands.
+
+    Attributes:
+        context: The editor.
+        opened: The open folder of keys.
+        editing: The key that is edited.
+        covering: Coverage of the animation.
+        faces: Pictures of both faces.
+        creation: Dialog for a new folder.
+        importance: Dialog with the importance of the vertices for speech.
+        shown: True while the strip is shown.
+        kind: Kind of the keys that are listed, or "" for all.
+        work: Work in the background.
+    """
+
+    def __init__(self, context: EditorContext) -> None:
+        self.context = context
+        self.opened = OpenKeys(context)
+        self.editing = KeyEditing(context, self.opened)
+        self.covering = Covering(context)
+        self.faces = KeyFaces(context)
+        self.creation = CreationDialog(context, self._create)
+        self.importance = ImportanceDialog(context)
+        self.shown = False
+        self.kind = ""
+        self.work = KeyWork(context, self.opened.read)
+        self._created: Callable[[], object] = lambda: None
+
+    # Folders
+
+    def toggle(self) -> None:
+        """Show or hide the strip."""
+        self.shown = not self.shown
+        if self.shown:
+            self.opened.open_last()
+        self.context.redraw()
+
+    def ask_for_folder(self) -> None:
+        """Ask for a folder of keys."""
+        folder = self.opened.folder
+        start = last_folder(self.context.settings) if folder is None else folder.parent
+        self.context.ask_for_file(FileRequest("folder", "Open folder of keys", "Keys", (), start, self.opened.open))
+
+    def ask_for_new(self, to: str = "", done: Callable[[], object] = lambda: None) -> None:
+        """Ask for the target, ``to`` at first, and the place of a new folder; ``done`` is called at the end."""
+        self._created = done
+        self.creation.show(to, done)
+
+    def _create(self, folder: Path, source: str, target: str, proposal: Proposal) -> None:
+        def work(progress: Progress) -> KeyFolder:
+            return create_keys(folder, source, target, proposal=proposal, progress=progress)
+
+        def created(keys: KeyFolder) -> None:
+            self.opened.open(keys.folder)
+            self._created()
+
+        self.work.run("New key poses", "The keys were not created", work, created)
+
+    def set_regions(self, regions: Regions) -> None:
+        """Clone ``regions`` of the face separately, in the description of the folder."""
+        keys = self.opened.keys
+        if keys is not None and keys.folder.regions != regions:
+            self._try(lambda: replace(keys.folder, regions=regions).write(), "The regions were not changed")
+            self.opened.read()
+
+    # Pairs
+
+    def listed(self) -> list[ListedKey]:
+        """Return the keys of the chosen kind: emotional and verbal ones, others, and compositions."""
+        keys = () if self.opened.keys is None else self.opened.keys.keys
+        chosen = [key for key in keys if not self.kind or key.kind == self.kind]
+        return sorted(chosen, key=lambda key: _ORDER.index(key.kind))
+
+    @property
+    def poses_source(self) -> bool:
+        """True if the session poses the source of the keys."""
+        keys = self.opened.keys
+        return keys is not None and keys.is_of("source", self.context.session.model)
+
+    def poses_side(self, side: Side) -> bool:
+        """Return True if the session poses the character of this side."""
+        keys = self.opened.keys
+        return (
+            keys is not None
+            and keys.is_of(side, self.context.session.model)
+            and not (side == "target" and keys.folder.is_mesh)
+        )
+
+    def present_pose(self) -> NDArray[np.float64] | None:
+        """Return the present pose of the source, shape (r,): of the session, or of the one before an edited key."""
+        keys = self.opened.transferable
+        session = self.context.session if self.editing.before is None else self.editing.before
+        if keys is None or not keys.is_of("source", session.model):
+            return None
+        return keys.source_poses(session.model, session.coefficients[None])[0]
+
+    def ask_to_add(self) -> None:
+        """Ask for a name and add the present pose of the source."""
+        self.context.toolbox.finish()
+        keys = self.opened.keys
+        if keys is None:
+            return
+        taken = {key.name for key in keys.keys}
+        name = next(
+            name for i in range(1, len(taken) + 2) if (name := f"Key {i}").replace(" ", "-").lower() not in taken
+        )
+
+        def add(name: str) -> None:
+            session = self.context.session
+            session.wait()
+            pose = pose_of(session.model, session.coefficients, checked_name(name))
+            self._add(keys.folder, pose)
+
+        self.context.dialogs.ask(TextQuestion("Add key pose", name, "Add", add))
+
+    def _add(self, folder: KeyFolder, pose: Pose) -> None:
+        self.work.run(
+            "Add key pose",
+            "The key was not added",
+            lambda progress: add_key_pose(folder, pose, progress=progress),
+            lambda _: self.context.notify(f"Added the key {pose.name}"),
+        )
+
+    def replace_side(self, key: ListedKey, side: Side) -> None:
+        """Replace one side of ``key`` by the present pose."""
+        keys, session = self.opened.keys, self.context.session
+        if keys is None:
+            return
+
+        def write() -> None:
+            session.wait()
+            save_key(keys.folder, key.name, side, session.model, session.coefficients)
+            self.context.notify(f"Replaced the {side} of {key.title}")
+
+        self._try(write, "The key was not replaced")
+        self.opened.read()
+
+    def propose(self, key: ListedKey) -> None:
+        """Propose the target's pose of ``key`` again."""
+        keys = self.opened.keys
+        if keys is not None:
+            folder = keys.folder
+            self.work.run(
+                "Propose key pose",
+                "Nothing was proposed",
+                lambda progress: propose_again(folder, key.name),
+                lambda _: self.context.notify(f"Proposed the target of {key.title}"),
+            )
+
+    def ask_to_remove(self, key: ListedKey) -> None:
+        """Ask whether to remove ``key``."""
+        keys = self.opened.keys
+        if keys is None:
+            return
+
+        def remove() -> None:
+            self._try(lambda: keys.folder.remove(key.name), "The key was not removed")
+            self.opened.read()
+
+        text = "The files of both sides are deleted. This cannot be undone."
+        choices = (Choice("Remove", remove), Choice("Cancel"))
+        self.context.dialogs.ask(Question(f"Remove the key {key.title}?", text, choices, default=1))
+
+    # All keys
+
+    def compose(self) -> None:
+        """Combine each emotional with each verbal key."""
+        keys = self.opened.keys
+        if keys is not None:
+            folder = keys.folder
+            self.work.run(
+                "Compose key poses",
+                "The keys were not composed",
+                lambda progress: compose_keys(folder, progress=progress),
+                lambda report: self.context.notify(
+                    f"Composed {counted(report.composed, 'key')}; {report.keys} with the neutral face"
+                ),
+            )
+
+    def show_importance(self, side: Side) -> None:
+        """Show how important each vertex of one side is for speech."""
+        keys = self.opened.keys
+        model = None if keys is None else keys.models[side]
+        if keys is not None and model is not None:
+            folder = keys.folder
+            self.work.run(
+                "Importance for speech",
+                "The importance cannot be shown",
+                lambda progress: drawn_importance(folder, side, progress),
+                lambda picture: self.importance.show(picture, model.character.title),
+            )
+
+    def _try(self, command: Callable[[], object], failure: str) -> None:
+        try:
+            command()
+        except FacePoserError as error:
+            self.context.dialogs.report(failure, str(error))
