@@ -28,16 +28,14 @@ from scipy.sparse import linalg
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import Similarity, determines_rotation, rigid_alignment
 from faceposer.geometry.mesh import Ints, TriangleMesh, VertexNormals
-from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.space_bending import bend
+from faceposer.identity.scan_surface import ScanSurface, counted_edges
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Triangles that are tested for the closest point.
-_CANDIDATES = 12
 # Residual of landmarks after the similarity, in medians of all, from which they lose weight; and rounds of it.
 _OUTLYING, _ROBUST_ROUNDS = 2.5, 5
 # Keeps vertices that nothing else holds where they are.
@@ -165,7 +163,7 @@ def register(
     own = landmarks.on_template.positions(vertices, template.triangles)
     frame = frame or align(landmarks.on_target, own, landmarks.weights)
     wanted = frame.apply(landmarks.on_target)
-    surface = _Surface.of(TriangleMesh(frame.apply(target.vertices), target.triangles))
+    surface = ScanSurface.of(TriangleMesh(frame.apply(target.vertices), target.triangles))
     known = landmarks.weights > 0.0
     if bent:
         ridge = settings.ridge / landmarks.weights[known]
@@ -180,7 +178,7 @@ def register(
         progress.at("Registering", number / n_rounds)
         stiffness = settings.stiffness[number // settings.rounds]
         points, distances = surface.nearest.points(vertices)
-        used = searching & (distances < farthest[number]) & surface.faces(points, normals(vertices), settings)
+        used = searching & (distances < farthest[number]) & _facing(surface, points, normals(vertices), settings)
         if used.mean() < _LEAST_USED:
             raise FacePoserError("The surfaces do not meet: check the landmarks, or move them to their places.")
         closest = points.positions(surface.mesh.vertices, surface.mesh.triangles)
@@ -190,33 +188,14 @@ def register(
     return Registration(vertices, frame, points, distances, used)
 
 
-@dataclass(frozen=True, eq=False)
-class _Surface:
-    """The target: its mesh, closest points, normals, and the mask of its triangles that touch a border."""
-
-    mesh: TriangleMesh
-    nearest: NearestSurface
-    normals: NDArray[np.float32]
-    at_border: Mask
-
-    @classmethod
-    def of(cls, mesh: TriangleMesh) -> "_Surface":
-        # Vertices may be split along the seams of textures, which are no borders.
-        places, node_of = np.unique(np.asarray(mesh.vertices), axis=0, return_inverse=True)
-        nodes = node_of.reshape(-1)[np.asarray(mesh.triangles)]
-        proper = np.flatnonzero((nodes != np.roll(nodes, 1, axis=1)).all(axis=1))
-        if not proper.size:
-            raise FacePoserError("The target has no surface: all its triangles are without area.")
-        nearest = NearestSurface(mesh.vertices, mesh.triangles, proper, _CANDIDATES)
-        normals = VertexNormals(nodes, len(places))(places)[node_of.reshape(-1)]
-        return cls(mesh, nearest, normals, np.asarray(border_vertices(nodes)[nodes].any(axis=1)))
-
-    def faces(self, points: SurfacePoints, normals: NDArray[np.float32], settings: RegistrationSettings) -> Mask:
-        """Return the mask of the closest ``points`` whose surface faces as the ``normals``, away from borders."""
-        theirs = points.positions(self.normals, self.mesh.triangles)
-        theirs /= np.maximum(np.linalg.norm(theirs, axis=1, keepdims=True), 1e-12)
-        cosines = np.einsum("nd,nd->n", theirs, normals)
-        return (cosines > settings.least_cosine) & ~self.at_border[points.faces]
+def _facing(
+    surface: ScanSurface, points: SurfacePoints, normals: NDArray[np.float32], settings: RegistrationSettings
+) -> Mask:
+    """Return the mask of the closest ``points`` whose surface faces as the ``normals``, away from borders."""
+    theirs = points.positions(surface.normals, surface.mesh.triangles)
+    theirs /= np.maximum(np.linalg.norm(theirs, axis=1, keepdims=True), 1e-12)
+    cosines = np.einsum("nd,nd->n", theirs, normals)
+    return (cosines > settings.least_cosine) & ~surface.at_border[points.faces]
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,23 +242,5 @@ def graph_laplacian(triangles: Ints, n_vertices: int) -> sparse.csr_array:
     return sparse.csr_array(sparse.diags_array((counts > 0.0).astype(float)) - mean)
 
 
-def border_vertices(triangles: Ints) -> Mask:
-    """Return the mask of the vertices, up to the largest in ``triangles``, that are on an edge of one triangle only."""
-    result = np.zeros(int(np.max(triangles)) + 1, dtype=bool)
-    edges, counts = _counted_edges(triangles)
-    result[edges[counts == 1]] = True
-    return result
-
-
 def _edges(triangles: Ints) -> NDArray[np.int64]:
-    return _counted_edges(triangles)[0]
-
-
-def _counted_edges(triangles: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the edges, (E, 2), and the number of triangles at each."""
-    given = np.asarray(triangles, dtype=np.int64)
-    directed = np.concatenate([given[:, [0, 1]], given[:, [1, 2]], given[:, [2, 0]]])
-    size = int(given.max()) + 1
-    low, high = directed.min(axis=1), directed.max(axis=1)
-    keys, counts = np.unique((low * size + high)[low != high], return_counts=True)
-    return np.stack([keys // size, keys % size], axis=1), counts
+    return counted_edges(triangles)[0]

@@ -20,8 +20,8 @@ from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mesh import TriangleMesh
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.identity.registration import LandmarkPairs, RegistrationSettings, graph_laplacian, register
+from faceposer.identity.scan_surface import ScanSurface
 from faceposer.identity.scans.basis import HeadBasis
-from faceposer.identity.scans.surface import ScanSurface
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]

@@ -28,8 +28,8 @@ from scipy.spatial.transform import Rotation
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import Similarity
+from faceposer.identity.scan_surface import ScanSurface
 from faceposer.identity.scans.basis import HeadBasis
-from faceposer.identity.scans.surface import ScanSurface
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]

@@ -16,6 +16,7 @@ from faceposer.geometry.mesh import TriangleMesh
 from faceposer.geometry.mesh_io import MESH_SUFFIXES
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
+from faceposer.identity.scan_surface import ScanSurface
 from faceposer.identity.scans.baking import Layer, baked_layer, blended, has_colours
 from faceposer.identity.scans.basis import HeadBasis, basis_of
 from faceposer.identity.scans.detail import Detail, find_detail
@@ -28,7 +29,6 @@ from faceposer.identity.scans.scan import (
     placed_scan,
     upright_texture,
 )
-from faceposer.identity.scans.surface import ScanSurface
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.reading import read_painted
 from faceposer.model.character_file import load_character

@@ -9,10 +9,10 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mesh import TriangleMesh
 from faceposer.identity.registration import align
+from faceposer.identity.scan_surface import ScanSurface
 from faceposer.identity.scans.basis import HeadBasis
 from faceposer.identity.scans.fitting import ScanData
 from faceposer.identity.scans.simplifying import simplified
-from faceposer.identity.scans.surface import ScanSurface
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import YAWS, MeshLandmarks, View, find_mesh_landmarks
 from faceposer.landmarks.reference import reference

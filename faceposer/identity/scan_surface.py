@@ -6,16 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.mesh import TriangleMesh, VertexNormals
+from faceposer.geometry.mesh import Ints, TriangleMesh, VertexNormals
 from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.geometry.picking import SurfacePoints
-from faceposer.identity.registration import border_vertices
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # Triangles that are tested for the closest point.
-_CANDIDATES = 10
+_CANDIDATES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +75,21 @@ class ScanSurface:
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         found = points.positions(self.mesh.vertices, self.mesh.triangles)
         return Closest(points, found, normals, distances, self.at_border[points.faces])
+
+
+def border_vertices(triangles: Ints) -> Mask:
+    """Return the mask of the vertices, up to the largest in ``triangles``, that are on an edge of one triangle only."""
+    result = np.zeros(int(np.max(triangles)) + 1, dtype=bool)
+    edges, counts = counted_edges(triangles)
+    result[edges[counts == 1]] = True
+    return result
+
+
+def counted_edges(triangles: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the edges, (E, 2), and the number of triangles at each."""
+    given = np.asarray(triangles, dtype=np.int64)
+    directed = np.concatenate([given[:, [0, 1]], given[:, [1, 2]], given[:, [2, 0]]])
+    size = int(given.max()) + 1
+    low, high = directed.min(axis=1), directed.max(axis=1)
+    keys, counts = np.unique((low * size + high)[low != high], return_counts=True)
+    return np.stack([keys // size, keys % size], axis=1), counts
