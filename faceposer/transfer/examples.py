@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 NEUTRAL = "neutral"
 #: Largest number of keys.
 MOST_KEYS = 500
-# Root mean square distance of feature points, as a share of the source's height, below which two keys are the same.
-_SAME = 1e-6
+#: Root mean square distance of feature points, as a share of the source's height, below which two keys are the same.
+SAME = 1e-6
 # The same within a region, as a share of its largest key: most visemes do not move the brows, but never by exactly 0.
 _SAME_IN_REGION = 0.02
 # Largest coefficients of a key, in displacements of vertices as a share of the height.
@@ -83,6 +83,7 @@ class ExampleTransfer:
     The neutral faces, or the pair "neutral", are always a key.
 
     Attributes:
+        base: The neutral faces, or the pair "neutral".
         pairs: The keys without the base.
         points: Feature points of the source in use.
         regions: What is known of each region.
@@ -111,19 +112,19 @@ class ExampleTransfer:
             FacePoserError: If there is no key, too many, two of one expression, or one that is no face.
         """
         self.source, self.target = source, target
-        self._base = KeyPair(NEUTRAL, source.neutral(), target.neutral())
+        self.base = KeyPair(NEUTRAL, source.neutral(), target.neutral())
         for pair in pairs:
             _check_key(pair, source, target)
-        self._base = next((pair for pair in pairs if pair.name.casefold() == NEUTRAL), self._base)
+        self.base = next((pair for pair in pairs if pair.name.casefold() == NEUTRAL), self.base)
         self.pairs = tuple(pair for pair in pairs if pair.name.casefold() != NEUTRAL)
         if not self.pairs:
             raise FacePoserError("Cloning by examples needs a key besides the neutral face; add a pair of poses.")
         if len(self.pairs) >= MOST_KEYS:
             raise FacePoserError(f"There are {len(self.pairs)} keys, more than the maximum of {MOST_KEYS - 1}.")
         self.points = parameter_points(source.character, points)
-        everything = (self._base, *self.pairs)
-        sources = np.array([pair.source for pair in everything]) - self._base.source
-        targets = np.array([pair.target for pair in everything]) - self._base.target
+        everything = (self.base, *self.pairs)
+        sources = np.array([pair.source for pair in everything]) - self.base.source
+        targets = np.array([pair.target for pair in everything]) - self.base.target
         self._check_distinct(sources, [pair.name for pair in everything])
         groups = grouped(self.points, regions)
         if len(groups) == 1:
@@ -138,7 +139,7 @@ class ExampleTransfer:
 
     def _check_distinct(self, sources: Array, names: Sequence[str]) -> None:
         places = sources @ point_rows(self.source, self.points).T
-        least = _SAME * self.source.character.height * np.sqrt(len(self.points))
+        least = SAME * self.source.character.height * np.sqrt(len(self.points))
         for first, place in enumerate(places[:-1]):
             gaps = np.linalg.norm(places[first + 1 :] - place, axis=1)
             if not gaps.min() > least:
@@ -150,13 +151,13 @@ class ExampleTransfer:
 
     def weights(self, poses: Array) -> tuple[Array, ...]:
         """Return the weights of the keys of each region, the base first, for the source's ``poses``, (m, r)."""
-        moved = poses - self._base.source
+        moved = poses - self.base.source
         return tuple(region.weights(moved @ (region.matrix @ region.rows).T) for region in self.regions)
 
     def poses(self, poses: Array) -> Array:
         """Return the target's coefficients, shape (m, r'), for the source's, shape (m, r) (eqs. (9) to (11))."""
         blends = [weights @ region.targets for weights, region in zip(self.weights(poses), self.regions, strict=True)]
-        result: Array = self._base.target + sum(blends)
+        result: Array = self.base.target + sum(blends)
         return result
 
     def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
@@ -165,7 +166,7 @@ class ExampleTransfer:
 
     def displacements(self, poses: Array) -> tuple[Array, ...]:
         """Return the displacements of each region's points from the base, (m, 3 n), for the source's poses, (m, r)."""
-        moved = poses - self._base.source
+        moved = poses - self.base.source
         return tuple(moved @ region.rows.T for region in self.regions)
 
 
@@ -189,7 +190,7 @@ def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
 
 def _moves(source: FaceModel, sources: Array, names: Sequence[str]) -> bool:
     """Return True if a key moves one of the feature points ``names``."""
-    return bool(np.abs(sources @ point_rows(source, names).T).max() > _SAME * source.character.height)
+    return bool(np.abs(sources @ point_rows(source, names).T).max() > SAME * source.character.height)
 
 
 def _clone(name: str, rows: Array, sources: Array, targets: Array, threshold: float, merges: bool) -> RegionClone:

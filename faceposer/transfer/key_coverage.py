@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
-from faceposer.transfer.examples import ExampleTransfer, KeyPair
-from faceposer.transfer.key_parameters import Regions, parameter_points, point_rows
+from faceposer.transfer.examples import NEUTRAL, SAME, ExampleTransfer, KeyPair
+from faceposer.transfer.key_parameters import THRESHOLD, Regions, parameter_points, point_rows
 
 Array = NDArray[np.float64]
 
@@ -126,11 +126,13 @@ def chosen_frames(
     count: int,
     points: Sequence[str] | None = None,
     regions: Regions = "whole",
+    threshold: float = THRESHOLD,
+    base: Array | None = None,
 ) -> list[HelpfulFrame]:
     """Return up to ``count`` of the source's ``poses``, (m, r), as further keys, the best first.
 
     The choice is made in rounds, since keys determine the directions in which they count. Without a key, it begins with
-    the frame that is farthest from the neutral face.
+    the frame that is farthest from the base. Frames that are the expression of a key are left out.
 
     Args:
         source: The face that plays.
@@ -139,25 +141,39 @@ def chosen_frames(
         count: Number of frames to find.
         points: Feature points that give the parameters; None for all that move.
         regions: Regions that are cloned separately.
+        threshold: Share of the largest variance of the keys below which directions are dropped.
+        base: Coefficients of the base of the keys; None for the neutral face.
     """
+    base = source.neutral() if base is None else base
     chosen: list[HelpfulFrame] = []
     present = list(keys)
+    names = parameter_points(source.character, points)
+    rows = point_rows(source, names)
+    least = SAME * source.character.height * np.sqrt(len(names))
+
+    def is_new(pose: Array) -> bool:
+        return bool(np.linalg.norm((np.array([base, *present]) - pose) @ rows.T, axis=1).min() > least)
+
     if not present:
-        names = parameter_points(source.character, points)
-        first = int(np.argmax(((poses @ point_rows(source, names).T) ** 2).sum(axis=1)))
+        first = int(np.argmax((((poses - base) @ rows.T) ** 2).sum(axis=1)))
+        if not is_new(poses[first]):
+            return []
         present.append(poses[first])
         chosen.append(HelpfulFrame(first, 1.0))
     while len(chosen) < count:
-        pairs = [KeyPair(str(i), key, key) for i, key in enumerate(present)]
-        transfer = ExampleTransfer(source, source, pairs, points, regions)
+        pairs = [KeyPair(NEUTRAL, base, base), *(KeyPair(str(i), key, key) for i, key in enumerate(present))]
+        transfer = ExampleTransfer(source, source, pairs, points, regions, threshold)
         if len(chosen) == 1 and not len(keys):
             chosen = [HelpfulFrame(chosen[0].frame, coverage(transfer, poses).missed)]
         taken = [helpful.frame for helpful in chosen]
         found = helpful_frames(transfer, poses, min(_ROUND, count - len(chosen)), taken)
-        if not found:
+        before = len(chosen)
+        for helpful in found:
+            if is_new(poses[helpful.frame]):
+                chosen.append(helpful)
+                present.append(poses[helpful.frame])
+        if len(chosen) == before:
             break
-        chosen += found
-        present += [poses[helpful.frame] for helpful in found]
     return chosen
 
 

@@ -10,6 +10,8 @@ from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
 
 _WIDTH = 28.0
+#: Report of a lack of memory.
+NO_MEMORY = "There is not enough memory for these key poses; use fewer of them, or smaller meshes."
 
 
 class KeyWork:
@@ -63,6 +65,8 @@ class KeyWork:
         self._read()
         if isinstance(job.error, FacePoserError):
             self._context.dialogs.report(self._failure, str(job.error))
+        elif isinstance(job.error, MemoryError):
+            self._context.dialogs.report(self._failure, NO_MEMORY)
         elif job.error is not None:
             raise job.error
         elif not job.cancelled:

@@ -16,30 +16,18 @@ from faceposer.gui.features.transfer.dialog import TransferDialog
 from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
 from faceposer.session.document import Document
-from faceposer.session.key_set import KeySet
-from faceposer.session.keys import check_characters
+from faceposer.session.keys import check_characters, check_same_rig
 from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 from faceposer.session.transferred import transferred
 from faceposer.transfer.key_coverage import reach_of
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, read_pairs, write_pairs
+from faceposer.transfer.source_heads import HeadTransfer
 from faceposer.transfer.terms import PairPoints
 from faceposer.transfer.transfer import Method, Transfer, make_transfer
 
 Array = NDArray[np.float64]
-
-
-class _ByKeys:
-    """Transfer by key poses from the source with any head."""
-
-    def __init__(self, keys: KeySet, source: FaceModel) -> None:
-        self._keys, self._source = keys, source
-
-    def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
-        """Return the target's coefficients, shape (r',), for the source's, shape (r,); ``previous`` is not used."""
-        assert self._keys.transfer is not None
-        return self._keys.transfer.pose(self._keys.source_poses(self._source, coefficients[None])[0])
 
 
 class TransferFeature(Feature):
@@ -74,6 +62,7 @@ class TransferFeature(Feature):
         self.characters: list[tuple[str, str]] = []
         self.lengths: tuple[list[float | None], list[float | None]] = ([], [])
         self._last_input: object = None
+        self._transfer: Transfer | None = None
         self._scenes: tuple[Scene, Scene] | None = None
         self._dialog = TransferDialog(self)
 
@@ -210,40 +199,42 @@ class TransferFeature(Feature):
         if inputs == self._last_input:
             return
         self._last_input = inputs
-        self.error, self.reach, self.result = "", ("", ""), None
+        self.error, self.reach, self.result, self._transfer = "", ("", ""), None, None
         source, pose = session.model, session.coefficients
         try:
-            self.target = load_model(self.to)
-            transfer = self._transfer(source, self.target)
-            self.result = None if transfer is None else transfer.pose(pose)
+            if self.method == "examples":
+                self._transfer_by_keys(source)
+            else:
+                self.target = load_model(self.to)
+                self._transfer = make_transfer(source, self.target, self.method, self.pairs)
+            self.result = None if self._transfer is None else self._transfer.pose(pose)
         except FacePoserError as error:
             self.error = str(error)
         if self.method != "examples":
             self.lengths = (self._measure(source, pose), self._measure(self.target, self.result))
         self.context.redraw()
 
-    def _transfer(self, source: FaceModel, target: FaceModel) -> Transfer | None:
-        """Return the transfer of the chosen method; None while its keys are missing or being read.
+    def _transfer_by_keys(self, source: FaceModel) -> None:
+        """Choose the transfer by the keys, unless they are missing or being read.
 
         Raises:
             FacePoserError: If the characters or the keys do not allow it.
         """
-        if self.method != "examples":
-            return make_transfer(source, target, self.method, self.pairs)
         opened = self.by_keys.opened
         if opened.error:
             raise FacePoserError(opened.error)
         keys = opened.keys
         if keys is None:
-            return None
+            return
         check_characters(keys.folder, source, self.to)
         if keys.transfer is None:
             raise FacePoserError(keys.problem)
-        distance, remark = reach_of(
-            keys.transfer, keys.source_poses(source, self.context.session.coefficients[None])[0]
-        )
+        # A character may have been made anew since its keys were read.
+        check_same_rig(keys.folder, keys.source_model(), source)
+        transfer = HeadTransfer(keys.transfer, source)
+        distance, remark = reach_of(keys.transfer, transfer.converted(self.context.session.coefficients[None])[0])
         self.reach = (f"The pose is {10.0 * distance:.1f} mm from the keys.", remark or keys.notes)
-        return _ByKeys(keys, source)
+        self._transfer, self.target = transfer, keys.transfer.target
 
     def _measure(self, model: FaceModel | None, pose: Array | None) -> list[float | None]:
         """Return the length of each pair in ``pose`` of ``model``, None for pairs that cannot be measured."""
@@ -265,15 +256,14 @@ class TransferFeature(Feature):
 
     def accept(self) -> None:
         """Open the result as a new session, after asking about unsaved changes."""
-        if self.result is None or self.target is None:
+        if self.result is None or self.target is None or self._transfer is None:
             return
         self.hide()
         session = self.context.session
-        transfer = self._transfer(session.model, self.target)
-        if transfer is None:
-            return
-        document = transferred(session.document, session.coefficients, transfer, self.to, self.target)
-        self.context.guard_changes(lambda: self._open(document))
+        document = transferred(session.document, session.coefficients, self._transfer, self.to, self.target)
+        # The target may have been made anew since it was shown.
+        versioned = document.with_version_data(self.target)
+        self.context.guard_changes(lambda: self._open(versioned))
 
     def _open(self, document: Document) -> None:
         def opening(worker: Worker) -> Session:
