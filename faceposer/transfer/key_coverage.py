@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
+from faceposer.progress import Progress
 from faceposer.transfer.examples import NEUTRAL, SAME, ExampleTransfer, KeyPair
 from faceposer.transfer.key_parameters import THRESHOLD, Regions, parameter_points, point_rows
 
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 OUTSIDE, STRONG = 0.005, 3.0
 # Frames that are chosen before the directions of the keys are found anew.
 _ROUND = 16
+# Frames whose weights are computed at once.
+_BLOCK = 2048
 # Residuals below this share of the motion are rounding errors.
 _NOTHING = 1e-12
 
@@ -60,8 +63,29 @@ class HelpfulFrame:
     missed: float
 
 
-def coverage(transfer: ExampleTransfer, poses: Array) -> Coverage:
-    """Return the coverage of the source's ``poses``, (m, r), by the keys of ``transfer``."""
+def coverage(transfer: ExampleTransfer, poses: Array, progress: Progress | None = None) -> Coverage:
+    """Return the coverage of the source's ``poses``, (m, r), by the keys of ``transfer``.
+
+    Raises:
+        CancelledError: If the ``progress`` was cancelled.
+    """
+    parts = []
+    for part in _blocks(len(poses)):
+        (progress or Progress()).check()
+        parts.append(_coverage(transfer, poses[part]))
+    return Coverage(
+        np.concatenate([part.distances for part in parts]),
+        np.concatenate([part.motions for part in parts]),
+        np.concatenate([part.strengths for part in parts]),
+    )
+
+
+def _blocks(count: int) -> list[slice]:
+    """Return blocks of ``count`` frames, one at least, so that all weights of a long animation need little memory."""
+    return [slice(first, first + _BLOCK) for first in range(0, max(count, 1), _BLOCK)]
+
+
+def _coverage(transfer: ExampleTransfer, poses: Array) -> Coverage:
     moved = transfer.displacements(poses)
     missed = _residuals(transfer, moved)
     count = sum(block.shape[1] for block in moved) / 3.0
@@ -84,7 +108,11 @@ def reach_of(transfer: ExampleTransfer, pose: Array) -> tuple[float, str]:
 
 
 def helpful_frames(
-    transfer: ExampleTransfer, poses: Array, count: int, left_out: Sequence[int] = ()
+    transfer: ExampleTransfer,
+    poses: Array,
+    count: int,
+    left_out: Sequence[int] = (),
+    progress: Progress | None = None,
 ) -> list[HelpfulFrame]:
     """Return up to ``count`` of the source's ``poses``, (m, r), that help most as keys, the best first.
 
@@ -96,27 +124,46 @@ def helpful_frames(
         poses: The source's frames.
         count: Number of frames to find.
         left_out: Frames that are keys already.
+        progress: May cancel the search.
+
+    Raises:
+        CancelledError: If the progress was cancelled.
     """
-    moved = transfer.displacements(poses)
-    missed = _residuals(transfer, moved)
-    total = sum(float((block**2).sum()) for block in moved)
+    progress, blocks = progress or Progress(), _blocks(len(poses))
+    missed = [np.empty((len(poses), len(region.rows))) for region in transfer.regions]
+    total = 0.0
+    for part in blocks:
+        progress.check()
+        moved = transfer.displacements(poses[part])
+        total += sum(_square(block) for block in moved)
+        for whole, block in zip(missed, _residuals(transfer, moved), strict=True):
+            whole[part] = block
     found: list[HelpfulFrame] = []
-    for _ in range(count):
-        left = sum(float((block**2).sum()) for block in missed)
-        if left <= _NOTHING * total:
-            break
+    left = sum(_square(whole[part]) for whole in missed for part in blocks)
+    while len(found) < count and left > _NOTHING * total:
         gains = np.zeros(len(poses))
-        for block in missed:
-            squares = np.einsum("mn,mn->m", block, block)
-            along = np.einsum("mn,mn->m", block @ (block.T @ block), block)
-            gains += np.where(squares > _NOTHING * max(squares.max(), 1e-300), along / np.maximum(squares, 1e-300), 0.0)
+        for whole in missed:
+            squares = np.einsum("mn,mn->m", whole, whole)
+            together, least = whole.T @ whole, _NOTHING * max(squares.max(), 1e-300)
+            for part in blocks:
+                progress.check()
+                along = np.einsum("mn,mn->m", whole[part] @ together, whole[part])
+                gains[part] += np.where(squares[part] > least, along / np.maximum(squares[part], 1e-300), 0.0)
         gains[list(left_out)] = -1.0
         best = int(np.argmax(gains))
         if gains[best] <= 0.0:
             break
-        missed = [_without(block, block[best]) for block in missed]
-        found.append(HelpfulFrame(best, sum(float((block**2).sum()) for block in missed) / total))
+        for whole in missed:
+            direction = whole[best].copy()
+            for part in blocks:
+                whole[part] = _without(whole[part], direction)
+        left = sum(_square(whole[part]) for whole in missed for part in blocks)
+        found.append(HelpfulFrame(best, left / total))
     return found
+
+
+def _square(block: Array) -> float:
+    return float(np.einsum("mn,mn->", block, block))
 
 
 def chosen_frames(

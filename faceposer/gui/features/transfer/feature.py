@@ -190,9 +190,12 @@ class TransferFeature(Feature):
         return self.context.feature(KeysFeature)
 
     def update(self) -> None:
-        """Transfer the pose if any input has changed since the last call."""
+        """Transfer the pose if any input has changed since the last call; while the dialog is closed, release it."""
+        if not self.open:
+            self.close()
+            return
         session, opened = self.context.session, self.by_keys.opened
-        if self.open and self.method == "examples":
+        if self.method == "examples":
             opened.read_changes()
         keys = (opened.keys, opened.error, opened.reading) if self.method == "examples" else ()
         inputs = (self.to, self.method, self.pairs, keys, session.revision, id(session))
