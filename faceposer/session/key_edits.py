@@ -23,6 +23,7 @@ from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, p
 from faceposer.session.keys import load_keys
 from faceposer.session.opening import load_model, open_session
 from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
+from faceposer.transfer.source_heads import is_same_rig
 
 Array = NDArray[np.float64]
 
@@ -162,12 +163,12 @@ def _pose_in(path: Path, model: FaceModel, name: str, frame: int) -> tuple[Pose,
         if not kind:
             session = open_session(str(path))
             session.wait()
-            if session.model.character.name != model.character.name:
+            if not is_same_rig(session.model, model):
                 raise FacePoserError(
-                    f"The session '{path}' is of '{session.model.character.name}', not of '{model.character.name}'; "
-                    "give a pose of this character."
+                    f"The session '{path}' is of '{session.document.character}', not of the character of the keys, "
+                    f"'{model.character.name}'; give a pose of this character."
                 )
-            return pose_of(model, session.coefficients, name), session.remark
+            return pose_of(session.model, session.coefficients, name), session.remark
     from faceposer.interchange.reading import read_pose
 
     read = read_pose(path, model, frame)
