@@ -19,7 +19,7 @@ from faceposer.session.jobs import ThreadJob
 from faceposer.session.key_set import KeySet
 from faceposer.transfer.key_coverage import OUTSIDE, coverage, helpful_frames
 
-# Largest number of weights, frames times keys, that are computed while the window waits, in some 10 ms.
+# Largest number of weights, frames times keys times regions, that are computed while the window waits, in some 10 ms.
 _AT_ONCE = 100_000
 # Widths in units of the font size: of the button, of the text, and of the graph below which the text is left out.
 _BUTTON, _TEXT, _LEAST = 11.5, 15.0, 12.0
@@ -81,7 +81,7 @@ class Covering:
         if last is not None and last[0] is keys and last[1] is performance:
             return last[2]
         model = session.model
-        if len(performance) * len(keys.keys) <= _AT_ONCE:
+        if len(performance) * len(keys.keys) * len(keys.transfer.regions) <= _AT_ONCE:
             self._cancel()
             self._covered = (keys, performance, _covered(keys, model, performance, Progress()))
             return self._covered[2]
