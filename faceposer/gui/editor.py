@@ -4,10 +4,12 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import moderngl
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.picture_view import View
 from faceposer.gui.context import F
 from faceposer.gui.events import Modifiers
 from faceposer.gui.features import build_features
@@ -94,7 +96,12 @@ class Editor:
         self.features = build_features(self)
         self.recovery = self.features[RecoveryFeature]
         self.files = SessionFiles(
-            self, self.new_worker, self.set_session, lambda: self.features.quit_question, self.request_close
+            self,
+            self.new_worker,
+            self.set_session,
+            lambda: self.features.quit_question,
+            lambda proceed: self.features.leave(proceed),
+            self.request_close,
         )
         self.actions = build_actions(self)
         self.actions.set_keys(self.settings.keys)
@@ -112,6 +119,8 @@ class Editor:
         self._notice_until = 0.0
         self.drawn_constraints = self._new_drawn_constraints(session)
         self._mode: Mode = "live"
+        # Views of sessions that were left: those that return, such as after the edit of a key pose, have theirs again.
+        self._views: WeakKeyDictionary[Session, View] = WeakKeyDictionary()
         self.set_session(session)
         self.files.remember(what)
 
@@ -130,6 +139,7 @@ class Editor:
         """Edit ``session`` from now on."""
         self.toolbox.cancel()
         if session is not self.session:
+            self._views[self.session] = self.viewport.view
             self.session.close()
         self.session = self.viewport.session = session
         session.mode = self._mode
@@ -140,8 +150,10 @@ class Editor:
             self.toolbox.choose(chosen.name)
         self.drawn_constraints = self._new_drawn_constraints(session)
         self.comparing = False
-        camera = session.document.camera
-        if camera is None:
+        camera, view = session.document.camera, self._views.pop(session, None)
+        if view is not None:
+            self.viewport.view = view
+        elif camera is None:
             self.viewport.view = self.viewport.framed()
         else:
             self.viewport.look_through(camera)
