@@ -100,7 +100,7 @@ class Editor:
             self.new_worker,
             self.set_session,
             lambda: self.features.quit_question,
-            lambda proceed: self.features.leave(proceed),
+            self.features.leave,
             self.request_close,
         )
         self.actions = build_actions(self)

@@ -42,7 +42,7 @@ def build_keys_actions(keys: "KeyCommands") -> list[Action]:
             lambda: free() and keys.poses_side("source"),
             "Add this pose of the source as a key pose; the target's pose is proposed",
         ),
-        command("compose", "Compose key poses", keys.compose, usable, "Combine each emotional with each verbal key pose"),
+        command("compose", "Compose key poses", keys.compose, usable, "Combine emotional with verbal key poses"),
         command(
             "importance-source",
             "Importance on source",

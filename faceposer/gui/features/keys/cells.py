@@ -32,14 +32,10 @@ class KeyCells:
     def __init__(self, keys: "KeyCommands") -> None:
         """List the keys of ``keys``."""
         self._keys = keys
-        self._scrolled = self._sought = ""
 
     def draw(self, keys: KeySet, strengths: Mapping[str, float]) -> None:
         """Draw the pairs, with ``strengths`` of the keys in the present pose by name."""
         listed = self._keys.listed()
-        latest = self._keys.latest
-        if latest != self._scrolled and any(key.name == latest for key in listed):
-            self._scrolled = self._sought = latest
         if not listed:
             text = "There are no key poses of this kind." if keys.keys else "The folder is empty; add the present pose."
             caption(text)
@@ -52,12 +48,10 @@ class KeyCells:
         for i, key in enumerate(listed):
             if i % columns:
                 imgui.same_line()
-            if key.name == self._sought:
-                high = imgui.get_cursor_pos_y() + size.y
-                if not imgui.get_scroll_y() <= high - size.y <= high <= imgui.get_scroll_y() + imgui.get_window_height():
-                    imgui.set_scroll_y(max(high - 0.5 * (size.y + imgui.get_window_height()), 0.0))
-                    self._keys.context.redraw()
-                self._sought = ""
+            if key.name == self._keys.sought and not self._keys.opened.reading:
+                self._keys.sought = ""
+                _show(imgui.get_cursor_pos_y(), size.y)
+                self._keys.context.redraw()
             # Hundreds of pairs beyond the edge of the list would slow every frame down.
             if not imgui.is_rect_visible(size):
                 imgui.dummy(size)
@@ -175,3 +169,10 @@ class KeyCells:
             if imgui.menu_item_simple(label, "", key.kind == kind, free and key.kind != COMPOSED):
                 self._keys.set_kind(key, kind)
             self._keys.context.widget_rects.record(f"key-menu:kind:{kind or 'none'}")
+
+
+def _show(top: float, height: float) -> None:
+    """Scroll the list to the row at ``top`` of ``height``, unless it is visible."""
+    first, room = imgui.get_scroll_y(), imgui.get_window_height()
+    if not first <= top <= top + height <= first + room:
+        imgui.set_scroll_y(max(top + 0.5 * (height - room), 0.0))

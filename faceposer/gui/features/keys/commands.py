@@ -46,7 +46,8 @@ class KeyCommands:
         creation: Dialog for a new folder.
         importance: Dialog with the importance of the vertices for speech.
         adding: Dialog that adds the present pose.
-        latest: Name of the key that was added last, which the list scrolls to, or "".
+        latest: Name of the key that was added or changed last, or "".
+        sought: Name of the key to which the list has to scroll, or "".
         shown: True while the strip is shown.
         kind: Kind of the keys that are listed, or "" for all.
         work: Work in the background.
@@ -63,7 +64,7 @@ class KeyCommands:
         self.adding = AddingDialog(context, self._add)
         self.shown = False
         self.kind = ""
-        self.latest = ""
+        self.latest = self.sought = ""
         self.work = KeyWork(context, self.opened.read)
         self._created: Callable[[], object] = lambda: None
 
@@ -80,7 +81,9 @@ class KeyCommands:
         """Ask for a folder of keys."""
         folder = self.opened.folder
         start = last_folder(self.context.settings) if folder is None else folder.parent
-        self.context.ask_for_file(FileRequest("folder", "Open folder of key poses", "Key poses", (), start, self.opened.open))
+        self.context.ask_for_file(
+            FileRequest("folder", "Open folder of key poses", "Key poses", (), start, self.opened.open)
+        )
 
     def ask_for_new(self, to: str = "", done: Callable[[], object] = lambda: None) -> None:
         """Ask for the target, ``to`` at first, and the place of a new folder; ``done`` is called at the end."""
@@ -149,7 +152,7 @@ class KeyCommands:
         folder, pose = keys.folder, pose_of(session.model, session.coefficients, name, (kind,) if kind else ())
 
         def added(stem: str) -> None:
-            self.latest = stem
+            self.latest = self.sought = stem
             if self.kind not in ("", kind):
                 self.kind = ""
             self.context.notify(f"{'Replaced' if replaces else 'Added'} the key pose {pose.name}")
@@ -166,7 +169,7 @@ class KeyCommands:
         keys = self.opened.keys
         if keys is not None and key.kind != kind:
             self._try(lambda: set_kind(keys.folder, key.name, kind), "The kind was not changed")
-            self.latest = key.name
+            self.latest = self.sought = key.name
             self.opened.read()
 
     def replace_side(self, key: ListedKey, side: Side) -> None:

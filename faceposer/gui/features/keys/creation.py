@@ -142,4 +142,6 @@ class CreationDialog:
 
         name = f"{Path(source).stem}-{Path(self.to).stem}-keys"
         place = last_folder(self._context.settings) / name
-        self._context.ask_for_file(FileRequest("new folder", "New folder of key poses", "Key poses", SUFFIXES, place, chosen))
+        self._context.ask_for_file(
+            FileRequest("new folder", "New folder of key poses", "Key poses", SUFFIXES, place, chosen)
+        )

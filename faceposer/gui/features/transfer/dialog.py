@@ -25,7 +25,7 @@ from faceposer.transfer.transfer import Method
 if TYPE_CHECKING:
     from faceposer.gui.features.transfer.feature import TransferFeature
 
-_FORM, _PREVIEW, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 4.6, 14.5, 4.2
+_FORM, _PREVIEW, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 5.2, 14.5, 4.2
 _METHODS: tuple[Method, ...] = ("distances", "weights", "examples")
 _METHOD_LABELS = ("By distances", "By weights", "By examples")
 _METHOD_TIPS = (

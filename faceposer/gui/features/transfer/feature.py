@@ -17,7 +17,6 @@ from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
 from faceposer.session.document import Document
 from faceposer.session.key_set import KeySet
-from faceposer.session.keys import check_characters
 from faceposer.session.opening import load_model, session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
@@ -119,14 +118,28 @@ class TransferFeature(Feature):
     def choose_method(self, method: Method) -> None:
         """Choose how expressions are transferred; the key poses of the last run are opened when they are needed."""
         self.method = method
-        if method != "examples":
-            return
-        opened = self.by_keys.opened
-        opened.open_last()
-        keys = opened.transferable
-        if keys is not None and keys.is_of("source", self.context.session.model):
-            target = keys.folder.character("target")
-            self.to = target if target in dict(self.characters) else self.to
+        if method == "examples":
+            self.by_keys.opened.open_last()
+
+    @property
+    def target_of_keys(self) -> tuple[str, str] | None:
+        """Name or file, and title, of the target of the open key poses, if it is another one than is chosen."""
+        keys = self.by_keys.opened.keys
+        target = None if keys is None else keys.models["target"]
+        if keys is None or target is None or keys.folder.is_mesh:
+            return None
+        name = keys.folder.character("target")
+        chosen = self.to == name or (Path(self.to).suffix and paths.same_file(name, self.to))
+        return None if chosen else (name, target.character.title)
+
+    def choose_target_of_keys(self) -> None:
+        """Choose the target of the open key poses."""
+        target = self.target_of_keys
+        if target is not None:
+            name, title = target
+            self.to = name
+            if name not in dict(self.characters):
+                self.characters = [*self.characters, (name, title)]
 
     def new_keys(self) -> None:
         """Ask for a new folder of key poses for the chosen target, in another dialog, and come back to this one."""
@@ -236,14 +249,31 @@ class TransferFeature(Feature):
         keys = opened.keys
         if keys is None:
             return None
-        check_characters(keys.folder, source, self.to)
+        self._check_characters(keys, source, target)
         if keys.transfer is None:
             raise FacePoserError(keys.problem)
         distance, remark = reach_of(
             keys.transfer, keys.source_poses(source, self.context.session.coefficients[None])[0]
         )
-        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the keys.", remark or keys.notes)
+        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the key poses.", remark or keys.notes)
         return _ByKeys(keys, source)
+
+    def _check_characters(self, keys: KeySet, source: FaceModel, target: FaceModel) -> None:
+        """Check that the key poses are those of the open character and of the chosen target.
+
+        Raises:
+            FacePoserError: If they are those of others, or the target has no shapes.
+        """
+        if not keys.is_of("source", source):
+            expected, title = keys.source_model().character.title, source.character.title
+            raise FacePoserError(
+                f"These key poses are of {expected}, not of {title}: open {expected}, or other key poses."
+            )
+        if keys.folder.is_mesh:
+            raise FacePoserError("The target of these key poses is a mesh without shapes: use the command transfer.")
+        other = self.target_of_keys
+        if other is not None:
+            raise FacePoserError(f"These key poses are for {other[1]}, not for {target.character.title}.")
 
     def _measure(self, model: FaceModel | None, pose: Array | None) -> list[float | None]:
         """Return the length of each pair in ``pose`` of ``model``, None for pairs that cannot be measured."""
@@ -264,10 +294,9 @@ class TransferFeature(Feature):
         return self._scenes
 
     def accept(self) -> None:
-        """Open the result as a new session, after asking about unsaved changes."""
+        """Open the result as a new session, after asking about unsaved changes; the dialog stays if that is cancelled."""
         if self.result is None or self.target is None:
             return
-        self.hide()
         session = self.context.session
         transfer = self._transfer(session.model, self.target)
         if transfer is None:
@@ -276,6 +305,8 @@ class TransferFeature(Feature):
         self.context.guard_changes(lambda: self._open(document))
 
     def _open(self, document: Document) -> None:
+        self.hide()
+
         def opening(worker: Worker) -> Session:
             session = session_for(document, None, worker)
             session.mark_unsaved()
