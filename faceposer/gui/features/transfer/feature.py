@@ -294,7 +294,7 @@ class TransferFeature(Feature):
         return self._scenes
 
     def accept(self) -> None:
-        """Open the result as a new session, after asking about unsaved changes; the dialog stays if that is cancelled."""
+        """Open the result as a new session, after a question about unsaved changes that leaves the dialog open."""
         if self.result is None or self.target is None:
             return
         session = self.context.session
