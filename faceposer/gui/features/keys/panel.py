@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 _PAD = 0.45
 # Height of the list of pairs, and width of the present pose with its clone, in units of the font size.
 _LIST, _LIVE = 15.6, 13.4
+_LOW_LIST = 8.2
+# Heights of the window from which there are two rows of pairs: without a timeline, and what that needs besides.
+_ROOM, _ROOM_OF_TIMELINE = 40.0, 16.0
 # Width of the strip below which the present pose is left out.
 _NARROW = 40.0
 # Width of the button that goes to a frame.
@@ -54,7 +57,15 @@ class KeysPanel:
             return round(rows + 2.0 * imgui.get_text_line_height_with_spacing() + em(_PAD))
         if self._keys.covering.of_animation(keys) is not None:
             rows += em(GRAPH)
-        return round(rows + em(_LIST) + em(_PAD))
+        return round(rows + em(self._list_height) + em(_PAD))
+
+    @property
+    def _list_height(self) -> float:
+        """Height of the list in units of the font size: two rows of pairs, or one where the view needs the room."""
+        keys = self._keys.opened.keys
+        covered = keys is not None and self._keys.covering.of_animation(keys) is not None
+        enough = _ROOM + (_ROOM_OF_TIMELINE if covered else 0.0)
+        return _LIST if imgui.get_main_viewport().size.y > em(enough) else _LOW_LIST
 
     def draw(self) -> None:
         """Draw the strip into the current window."""
