@@ -111,6 +111,7 @@ class Editor:
         self.comparing, self.wireframe, self.points_shown, self.panel_shown = False, False, True, True
         self.shading: Shading = "full"
         self.highlighted: int | None = None
+        self.wanted_tab = ""
         self.debug = bool(os.environ.get("FACEPOSER_DEBUG"))
         self.frame_seconds = 0.0
         self.closing = False
@@ -310,6 +311,11 @@ class Editor:
     def set_ui_scale(self, scale: float) -> None:
         """Scale text and panels by ``scale``."""
         self.settings.ui_scale = self.window.zoom = scale
+        self.redraw()
+
+    def show_tab(self, title: str) -> None:
+        """Show the tab ``title`` of the side panel."""
+        self.panel_shown, self.wanted_tab = True, title
         self.redraw()
 
     def dismiss_guide(self) -> None:

@@ -58,16 +58,16 @@ class HeadPanel:
         if editor is None:
             caption("Measuring the head...")
             return
-        imgui.begin_child("##head")
+        # The button stays in sight below the part that scrolls.
+        imgui.begin_child("##head", (0.0, -imgui.get_frame_height_with_spacing()))
         with disabled(context.toolbox.active or (context.playing and not head.busy)):
             self._draw_likelihood(editor)
             self._draw_random(editor)
             self._draw_lines()
             self._draw_attributes(editor)
             draw_skin(head)
-        imgui.dummy((0.0, imgui.get_style().item_spacing.y))
-        action_button(context.widget_rects, context.actions["head-save"], -1.0)
         imgui.end_child()
+        action_button(context.widget_rects, context.actions["head-save"], -1.0)
 
     def draw_tool_options(self) -> None:
         """Draw the options of the tool that drags points of the head."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -260,18 +261,26 @@ class HeadState:
 
     def ask_to_save(self) -> None:
         """Ask for the name of a new character with this head."""
-        title = f"{self.context.session.base_model.character.title} 2"
+        base, taken = self.context.session.base_model.character.title, self._titles
+        title = next(title for i in count(2) if (title := f"{base} {i}").casefold() not in taken)
         self.context.dialogs.ask(TextQuestion("Save head as character", title, "Save", self.save))
+
+    @property
+    def _titles(self) -> set[str]:
+        """Titles of all characters in the list, in lower case."""
+        return {entry.title.casefold() for entry in self.context.characters.all(self.context.settings.characters)}
 
     def save(self, title: str) -> None:
         """Save the character with this head to the library of characters.
 
         Raises:
-            FacePoserError: If the name is not possible, or the file cannot be written.
+            FacePoserError: If the name is not possible or taken, or the file cannot be written.
         """
         title = title.strip()
         if not title or len(title) > LONGEST_TITLE:
             raise FacePoserError(f"Enter a name of at most {LONGEST_TITLE} characters.")
+        if title.casefold() in self._titles:
+            raise FacePoserError(f"There is a character {title} already; choose another name.")
         context = self.context
         library = context.characters
         library.make_folder()

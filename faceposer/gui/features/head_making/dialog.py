@@ -51,6 +51,8 @@ class HeadDialog:
         self._head = head
         self._picture = Picture()
         self._dragged: str | None = None
+        # Height in pixels that the dialog has had, below which it does not fall while it works.
+        self._height = 0.0
 
     @property
     def _prefix(self) -> str:
@@ -69,8 +71,9 @@ class HeadDialog:
     def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the current page; ``draw_above`` draws the dialogs above it."""
         head = self._head
-        pictures = head.job is None and head.page != "form"
-        with modal(f"##{self._prefix}", _WIDTH, _TALLEST if pictures else _LOW) as shown:
+        pictures = head.page not in ("form", "finding")
+        least = 0.0 if head.page == "form" else self._height
+        with modal(f"##{self._prefix}", _WIDTH, _TALLEST if pictures else _LOW, least) as shown:
             if not shown:
                 draw_above()
                 return
@@ -78,6 +81,7 @@ class HeadDialog:
                 self._draw_progress()
             else:
                 self._draw_page()
+            self._height = imgui.get_window_height()
             if not head.open:
                 imgui.close_current_popup()
             draw_above()

@@ -19,6 +19,7 @@ from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.model.character import Character
 from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
+from faceposer.session.opening import open_session
 
 Page = Literal["form", "finding", "landmarks", "fitting", "result"]
 _MOST_FILES = 12
@@ -136,8 +137,8 @@ class HeadMakingFeature(Feature, Generic[M, H]):
         raise NotImplementedError
 
     def opened(self, result: H, path: Path) -> None:
-        """Show the character in the file ``path``."""
-        self.context.open_file(str(path))
+        """Show the character in the file ``path``; the user has been asked about unsaved changes."""
+        self.context.show_session(lambda worker: open_session(str(path), worker), "The head cannot be shown")
 
     def draw_options(self) -> None:
         """Draw further options of the fit, on the page of landmarks."""
@@ -183,9 +184,13 @@ class HeadMakingFeature(Feature, Generic[M, H]):
         return Question("Cancel the work and quit?", text, choices, default=1)
 
     def actions(self) -> Sequence[Action | Submenu]:
-        """Return the entry of the File menu."""
+        """Return the entry of the menus "File" and "Head"."""
         name, label, help_ = self.words.action
-        return (Action(name, label, "File", self.show, (), lambda: not self.context.busy, help=help_),)
+
+        def free() -> bool:
+            return not self.context.busy
+
+        return (Action(name, label, "File", self.show, (), free, help=help_, also="Head"),)
 
     def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
         """Draw the dialog, if it is open, with file dialogs above it."""
@@ -298,7 +303,13 @@ class HeadMakingFeature(Feature, Generic[M, H]):
             self.result = fitting.result
 
     def save(self) -> None:
-        """Save the character to the library, open it and close the dialog."""
+        """Save the character to the library, open it and close the dialog, after a question about unsaved changes.
+
+        Nothing happens if the user cancels that question: the result is still there.
+        """
+        self.context.guard_changes(self._save)
+
+    def _save(self) -> None:
         from faceposer.model.character_file import save_character
 
         result = self.result

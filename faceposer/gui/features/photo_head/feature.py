@@ -87,4 +87,4 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
                 self.context.session.mark_unsaved()
                 self.context.notify(f"Press {self.context.actions['frame'].shortcut} to zoom in on the head")
 
-        self.context.guard_changes(show)
+        show()
