@@ -58,7 +58,7 @@ class HeadPanel:
         head, context = self._head, self._head.context
         editor = head.editor
         if editor is None:
-            caption("Measuring the head...")
+            caption(head.failure or "Measuring the head...")
             return
         # The button stays in sight below the part that scrolls, unless that needs the room.
         low = imgui.get_content_region_avail().y < em(_LOW)
