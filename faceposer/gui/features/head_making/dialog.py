@@ -28,7 +28,7 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.character_file import load_character
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.head_making.feature import HeadMakingFeature, Marked
+    from faceposer.gui.features.head_making.state import HeadMaking, Marked
 
 # Heights of pages with a picture and of the others.
 _WIDTH, _TALLEST, _LOW, _LABEL = 44.0, 48.0, 24.0, 7.0
@@ -46,7 +46,7 @@ _REACH = 0.9
 class HeadDialog:
     """The dialog."""
 
-    def __init__(self, head: "HeadMakingFeature[Any, Any]") -> None:
+    def __init__(self, head: "HeadMaking[Any, Any]") -> None:
         """Show the state of ``head``."""
         self._head = head
         self._picture = Picture()

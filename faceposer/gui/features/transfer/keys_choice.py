@@ -12,7 +12,7 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.transfer.key_parameters import REGIONS
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.transfer.feature import TransferFeature
+    from faceposer.gui.features.transfer.state import TransferState
 
 _LABEL = 5.2
 _REGION_LABELS = ("Whole face", "Halves", "Parts")
@@ -23,7 +23,7 @@ _REGION_TIPS = (
 )
 
 
-def draw_keys_choice(state: "TransferFeature") -> None:
+def draw_keys_choice(state: "TransferState") -> None:
     """Draw the folder of keys, the choice of regions, and how far the pose is from the keys."""
     rects, feature = state.context.widget_rects, state.by_keys
     opened = feature.opened
