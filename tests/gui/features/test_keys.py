@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from faceposer.animation.keyframes import Keyframes
 from faceposer.geometry.obj_io import write_obj
+from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.features.keys.feature import KeysFeature
+from faceposer.gui.features.photo.feature import PhotoFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.transfer.feature import TransferFeature
 from faceposer.gui.testing.scripted_user import Robot
@@ -411,3 +414,41 @@ def test_keys_of_another_target_are_refused_and_poses_outside_told(robot: Robot)
     assert state.open, "a question that is cancelled leaves the dialog"
     assert robot.app.session.model.character.name == "low"
     robot.key("Esc")
+
+
+def test_back_returns_to_the_photo_as_it_was_shown(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    photos, path = app.features[PhotoFeature], tmp_path / "face.png"
+    Image.fromarray(np.full((300, 400, 3), 120, dtype=np.uint8)).save(path)
+    photos.open(path)
+    robot.frames(2)
+    app.viewport.view = view = app.viewport.view.zoomed(2.0)
+    robot.frames(2)
+    robot.click_widget("key:anger:target")
+    robot.frames(3)
+    assert not isinstance(app.viewport.view, PictureView)
+    robot.click_widget("keys-back")
+    robot.frames(3)
+    assert app.viewport.view == view
+    assert photos.aligned
+
+
+def test_the_session_that_is_put_aside_outlives_the_program(
+    open_window: OpenWindow, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    robot = open_window("low", (1300, 900), journal=True, keys_folder=str(folder))
+    robot.app.actions["key-poses"].run()
+    finish(robot)
+    pose(robot, mouthSmileLeft=0.5, mouthSmileRight=0.5)
+    before = robot.app.session.coefficients
+    robot.click_widget("key:anger:target")
+    robot.frames(40)
+    robot.app.close()
+
+    other = open_window("low", journal=True)
+    other.frames(2)
+    assert other.app.dialogs.waiting[0].title == "Recover the unsaved session with 'low'?"
+    other.click_widget("choice:0")
+    other.frames(2)
+    np.testing.assert_allclose(other.app.session.coefficients, before, atol=1e-9)

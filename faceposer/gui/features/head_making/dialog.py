@@ -18,6 +18,7 @@ from faceposer.gui.widgets.modal import (
     modal_buttons,
     modal_entered,
     modal_escaped,
+    modal_room,
     modal_title,
 )
 from faceposer.gui.widgets.pictures import Picture
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 # Heights of pages with a picture and of the others.
 _WIDTH, _TALLEST, _LOW, _LABEL = 44.0, 48.0, 24.0, 7.0
+# Height of the window in font sizes below which no room is reserved for an error.
+_LOWEST = 20.0
 # Height of a page beside its picture.
 _AROUND = 14.0
 _BUTTONS = {
@@ -100,9 +103,14 @@ class HeadDialog:
         titles = {"form": made, "landmarks": "Landmarks", "result": made}
         buttons = _BUTTONS[page]
         modal_title(head.context.fonts, titles[page])
-        with modal_body(buttons, below=2.0 * imgui.get_text_line_height_with_spacing()):
+        # Room for an error of two lines is reserved, so that nothing jumps when it appears, unless the window is low.
+        lines = 2.0 if modal_room() > _LOWEST else 0.0
+        wrap = imgui.get_content_region_avail().x
+        tall = imgui.calc_text_size(displayed(head.error), wrap_width=wrap).y if head.error else 0.0
+        reserved = max(tall, lines * imgui.get_text_line_height()) + imgui.get_style().item_spacing.y
+        with modal_body(buttons, below=reserved):
             {"form": self._draw_form, "landmarks": self._draw_landmarks, "result": self._draw_result}[page]()
-        below = imgui.get_cursor_pos_y() + 2.0 * imgui.get_text_line_height_with_spacing()
+        below = imgui.get_cursor_pos_y() + reserved
         if head.error:
             imgui.push_style_color(imgui.Col_.text, BAD)
             wrapped_text(head.error)
