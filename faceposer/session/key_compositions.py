@@ -150,7 +150,8 @@ def compose_keys(folder: KeyFolder, meeting: Meeting = "smooth", progress: Progr
         for face in faces
         for name in written
     }
-    _write(faces, alphas, written, places, meeting, progress)
+    titles = {entry.name: _title(entry) for entry in entries}
+    _write(faces, alphas, written, titles, places, meeting, progress)
     delete_keys(path for entry in made for path in (entry.source, entry.target) if path and path not in places.values())
     return Composition(len(expressions), len(visemes), len(written), total, len(pairs) - len(written))
 
@@ -159,11 +160,22 @@ def _write(
     faces: list[_Face],
     alphas: Mapping[Side, Array],
     pairs: Mapping[str, tuple[str, str]],
+    titles: Mapping[str, str],
     places: Mapping[tuple[Side, str], Path],
     meeting: Meeting,
     progress: Progress,
 ) -> None:
-    """Write the combinations ``pairs`` of an emotional and a verbal key, by name, on both faces, all or none."""
+    """Write the combinations ``pairs`` of an emotional and a verbal key, by name, on both faces, all or none.
+
+    Args:
+        faces: The faces with the keys.
+        alphas: Importance of the vertices of each face.
+        pairs: Names of both keys of each combination.
+        titles: Names of the keys for the user.
+        places: File of each side of each combination.
+        meeting: Rule where both kinds of keys meet.
+        progress: Receives the progress.
+    """
     files = [(face, name, places[face.side, name]) for face in faces for name in pairs]
     if not files:
         return
@@ -173,25 +185,30 @@ def _write(
             progress.check()
             expression, viseme = pairs[name]
             moved = composed(face.moved[expression], face.moved[viseme], alphas[face.side], meeting, face.height)
-            title = f"{expression} + {viseme}"[:80]
+            title = f"{titles[expression]} + {titles[viseme]}"[:80]
             temporary.write_text(face.text(path, title, moved), encoding="utf-8", newline="\n")
             progress.at("Composing keys", (done + 1) / len(files))
 
 
 def _is_as_composed(entry: KeyFiles) -> bool:
     """Return True if both sides of a key are as they were composed; files that the artist renamed are not."""
-    return all(path is not None and _has_mark(path) for path in (entry.source, entry.target))
+    return "+" in entry.name and all(path and _has_mark(path) for path in (entry.source, entry.target))
 
 
 def _has_mark(path: Path) -> bool:
     if path.suffix.lower() == ".json":
-        pose = read_pose(path)
-        return COMPOSED in pose.tags and path.stem.startswith(pose.name.replace(" + ", "+"))
+        return COMPOSED in read_pose(path).tags
     try:
         with open_text(path, errors="replace") as file:
             return file.readline(len(_COMMENT) + 8).strip("# \n") == _COMMENT
     except OSError:
         return False
+
+
+def _title(entry: KeyFiles) -> str:
+    """Return the name of a key for the user: that of its pose, or of its mesh's file."""
+    source = entry.source
+    return read_pose(source).name if source is not None and source.suffix.lower() == ".json" else entry.name
 
 
 def folder_importance(folder: KeyFolder, side: Side) -> tuple[Importance, Character]:
@@ -235,10 +252,10 @@ def importance_picture(character: Character, values: list[Array], size: int = 48
     """Return the face of ``character`` with each of the ``values``, (N,) from 0 to 1, as brightness, side by side."""
     from faceposer.landmarks.drawing import draw
     from faceposer.landmarks.painting import painted_character
-    from faceposer.poses.portrait import portrait_view
+    from faceposer.model.framing import face_view
 
     bare = replace(character, textures={})
-    camera = portrait_view(character).camera((size, size))
+    camera = face_view(character).camera((size, size))
     pictures = []
     for value in values:
         mesh = painted_character(bare)
