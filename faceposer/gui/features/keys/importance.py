@@ -67,7 +67,7 @@ class ImportanceDialog:
             with modal_body(_BUTTONS):
                 self._draw_picture(self.picture)
                 caption(
-                    "Brighter places move more in verbal or emotional key poses; where the combined importance is bright, "
+                    "Brighter places move more in verbal or emotional key poses. Where the combined one is bright, "
                     "composed key poses keep the motion of speech, elsewhere that of the emotion."
                 )
             pressed = modal_buttons(context.widget_rects, "keys-importance", _BUTTONS)
