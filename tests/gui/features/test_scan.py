@@ -7,7 +7,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
-from faceposer.gui.features.head_making.feature import MadeHead
+from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.gui.features.scan import work
 from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.testing.scripted_user import Robot
