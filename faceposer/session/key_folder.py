@@ -21,7 +21,7 @@ from faceposer.poses.library import safe_stem
 from faceposer.poses.pose_file import Pose, checked_name, read_pose, write_pose
 from faceposer.session.document import absolute_character, portable_character
 from faceposer.transfer.examples import MOST_KEYS
-from faceposer.transfer.key_parameters import THRESHOLD, Regions
+from faceposer.transfer.key_parameters import Regions
 
 FORMAT, VERSION = "faceposer.keys", 1
 #: Name of the file that describes a folder of keys.
@@ -41,7 +41,7 @@ class _KeysFile(JsonDocument):
     target: _Name
     regions: Regions = "whole"
     points: Annotated[tuple[_Name, ...], Meta(min_length=1, max_length=200)] | None = None
-    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] = THRESHOLD
+    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] | None = None
     expressions: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
     visemes: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
 
@@ -73,7 +73,7 @@ class KeyFolder:
         points: Feature points of the source that give the parameters; None for all.
         expressions: Names of the emotional keys, beside the poses with the tag "expression".
         visemes: Names of the verbal keys, beside the poses with the tag "viseme".
-        threshold: Share of the largest variance of the keys below which directions are dropped.
+        threshold: Share of the largest variance of the keys below which directions are dropped; None to damp them.
     """
 
     folder: Path
@@ -83,7 +83,7 @@ class KeyFolder:
     points: tuple[str, ...] | None = None
     expressions: tuple[str, ...] = ()
     visemes: tuple[str, ...] = ()
-    threshold: float = THRESHOLD
+    threshold: float | None = None
 
     @classmethod
     def read(cls, folder: Path) -> "KeyFolder":
@@ -128,7 +128,7 @@ class KeyFolder:
         data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "source": self.source, "target": self.target}
         if self.regions != "whole":
             data["regions"] = self.regions
-        if self.threshold != THRESHOLD:
+        if self.threshold is not None:
             data["threshold"] = self.threshold
         for name in ("points", "expressions", "visemes"):
             if getattr(self, name):

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel
+from faceposer.transfer.key_damping import chosen_damping
 from faceposer.transfer.key_parameters import (
-    THRESHOLD,
+    ROUNDING,
     Regions,
     feature_matrix,
     grouped,
@@ -63,6 +64,7 @@ class RegionClone:
         rows: Displacements of its feature points per coefficient of the source, shape (3 n, r).
         places: Displacements of its feature points in each key from the base, shape (K, 3 n), the base first.
         matrix: Parameters per displacement, F, shape (n', 3 n).
+        covered: The part of it that counts more than half, shape (n'', 3 n); the rest is damped.
         weights: Weights of the keys.
         targets: Displacements of the keys on the target from its base, confined to the region, shape (K, r').
         members: Index of the key of each of the source's keys, shape (M,); keys that do not differ here share one.
@@ -72,6 +74,7 @@ class RegionClone:
     rows: Array
     places: Array
     matrix: Array
+    covered: Array
     weights: KeyWeights
     targets: Array
     members: NDArray[np.intp]
@@ -95,7 +98,7 @@ class ExampleTransfer:
         pairs: Sequence[KeyPair],
         points: Sequence[str] | None = None,
         regions: Regions = "whole",
-        threshold: float = THRESHOLD,
+        threshold: float | None = None,
     ) -> None:
         """Place the keys in the parameter space and solve for their weights.
 
@@ -105,7 +108,8 @@ class ExampleTransfer:
             pairs: The keys.
             points: Names of the source's feature points that give the parameters; None for all that move.
             regions: "whole" as in the paper; "halves" or "parts" to clone regions of the face separately.
-            threshold: Share of the largest variance of the keys below which directions are dropped.
+            threshold: Share of the largest variance of the keys below which directions are dropped, as in the paper;
+                None to damp small ones as cross-validation over the keys finds best.
 
         Raises:
             FacePoserError: If there is no key, too many, two of one expression, or one that is no face.
@@ -192,7 +196,9 @@ def _moves(source: FaceModel, sources: Array, names: Sequence[str]) -> bool:
     return bool(np.abs(sources @ point_rows(source, names).T).max() > _SAME * source.character.height)
 
 
-def _clone(name: str, rows: Array, sources: Array, targets: Array, threshold: float, merges: bool) -> RegionClone:
+def _clone(
+    name: str, rows: Array, sources: Array, targets: Array, threshold: float | None, merges: bool
+) -> RegionClone:
     places = sources @ rows.T
     members = np.arange(len(places), dtype=np.intp)
     if merges:
@@ -201,14 +207,17 @@ def _clone(name: str, rows: Array, sources: Array, targets: Array, threshold: fl
         # The base keeps its place, and its target: what does not move stays exactly neutral.
         places = np.array([places[0] if group[0] == 0 else places[group].mean(axis=0) for group in leaders])
         targets = np.array([targets[0] if group[0] == 0 else targets[group].mean(axis=0) for group in leaders])
-    matrix = feature_matrix(places, threshold)
+    matrix = feature_matrix(places, ROUNDING if threshold is None else threshold)
+    parameters = places @ matrix.T
+    damping = chosen_damping(parameters, targets) if threshold is None else 0.0
+    covered = feature_matrix(places, damping) if threshold is None else matrix
     try:
-        weights = KeyWeights(places @ matrix.T)
+        weights = KeyWeights(parameters, damping)
     except ValueError as error:
         raise FacePoserError(
             "Two keys are nearly the same expression of the source; remove one of them, or use more feature points."
         ) from error
-    return RegionClone(name, rows, places, matrix, weights, targets, members)
+    return RegionClone(name, rows, places, matrix, covered, weights, targets, members)
 
 
 def _merged(places: Array) -> NDArray[np.intp]:
