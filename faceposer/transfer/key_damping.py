@@ -2,9 +2,12 @@
 
 The linear functions of the weights (``key_weights``) are fitted to keys that are not exact: an artist sets no slider to
 a hundredth, and a proposal is no linear function of the source. Where keys differ little on the source, such errors of
-the target are exaggerated. Ridge regression damps these directions; the damping is the one with which each key is best
-predicted from all others, in closed form (Allen's PRESS; Golub, Heath and Wahba, "Generalized cross-validation as a
-method for choosing a good ridge parameter", Technometrics 1979, section 1).
+the target are exaggerated. Ridge regression damps these directions. Each key is predicted from all others, in closed
+form (Allen's PRESS; Golub, Heath and Wahba, "Generalized cross-validation as a method for choosing a good ridge
+parameter", Technometrics 1979, section 1), and the largest damping is used whose predictions are not clearly worse than
+the best ones: by no more than the standard error of the difference (after Hastie, Tibshirani and Friedman, *The
+Elements of Statistical Learning*, 2009, section 7.10). A few keys that hardly predict each other give no reason to
+exaggerate what they differ in.
 """
 
 import numpy as np
@@ -18,17 +21,20 @@ DAMPINGS: tuple[float, ...] = (1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4)
 
 
 def chosen_damping(places: Array, answers: Array) -> float:
-    """Return the damping with which each key is best predicted from all others.
+    """Return the largest damping with which keys are predicted from all others about as well as with the best one.
 
     Args:
         places: Places of the keys in the space of their parameters, shape (M, n).
         answers: Their poses on the target, shape (M, r).
     """
-    return DAMPINGS[int(np.argmin(prediction_errors(places, answers)))]
+    errors = prediction_errors(places, answers)
+    worse = errors - errors[np.argmin(errors.mean(axis=1))]
+    usable = worse.mean(axis=1) <= worse.std(axis=1) / np.sqrt(len(places))
+    return DAMPINGS[int(np.flatnonzero(usable)[-1])]
 
 
 def prediction_errors(places: Array, answers: Array, dampings: tuple[float, ...] = DAMPINGS) -> Array:
-    """Return the mean squared error with which each key is predicted from all others, for each of the ``dampings``.
+    """Return the squared error with which each key is predicted from all others, for each of the ``dampings``.
 
     Args:
         places: Places of the keys, shape (M, n).
@@ -36,7 +42,7 @@ def prediction_errors(places: Array, answers: Array, dampings: tuple[float, ...]
         dampings: See ``KeyWeights``, shape (d,).
 
     Returns:
-        Errors, shape (d,).
+        Errors, shape (d, M).
     """
     count = len(places)
     # A basis of all vectors that are orthogonal to the constant, in which the constant term needs no care.
@@ -52,7 +58,7 @@ def prediction_errors(places: Array, answers: Array, dampings: tuple[float, ...]
         left = damping / (shares + damping)
         residuals = axes @ (left[:, None] * wanted)
         leverages = (axes**2) @ left
-        errors.append(float(((residuals / leverages[:, None]) ** 2).sum(axis=1).mean()))
+        errors.append(((residuals / leverages[:, None]) ** 2).sum(axis=1))
     return np.array(errors)
 
 

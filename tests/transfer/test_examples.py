@@ -89,7 +89,7 @@ def test_a_pair_called_neutral_is_the_base(low: FaceModel, creature: FaceModel, 
 
 def test_one_key_is_enough(low: FaceModel, creature: FaceModel, pairs: list[KeyPair]) -> None:
     transfer = ExampleTransfer(low, creature, pairs[:1])
-    np.testing.assert_allclose(transfer.pose(2.0 * pairs[0].source), 2.0 * pairs[0].target, atol=1e-6)
+    np.testing.assert_allclose(transfer.pose(2.0 * pairs[0].source), 2.0 * pairs[0].target, rtol=1e-3, atol=1e-6)
 
 
 @pytest.mark.parametrize("regions", ["halves", "parts"])
