@@ -5,8 +5,10 @@ meshes (.obj, .ply); files of the same name are a pair.
 """
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -44,6 +46,24 @@ class _KeysFile(JsonDocument):
     threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] | None = None
     expressions: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
     visemes: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
+
+
+class KeyTakenError(FacePoserError):
+    """The name of a new key is taken."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        super().__init__(f"'{folder}' already has a key '{name}'; choose another name, or replace it.")
+
+
+def checked_key_name(name: str) -> str:
+    """Return ``name`` if it can be the name of a key.
+
+    Raises:
+        FacePoserError: If it is a path, not a single line, or too long.
+    """
+    if re.search(r"[/\\]", name) or name.strip() in (".", ".."):
+        raise FacePoserError(f"The name of a key is no path, as '{name}' is; give a name such as 'Happiness'.")
+    return checked_name(name)
 
 
 @dataclass(frozen=True)
@@ -230,10 +250,10 @@ class KeyFolder:
         Raises:
             FacePoserError: If the name is taken and ``replace`` is False, or a file cannot be written.
         """
-        name = safe_stem(checked_name(source.name))
+        name = safe_stem(checked_key_name(source.name))
         if name in {entry.name for entry in self.entries()}:
             if not replace:
-                raise FacePoserError(f"'{self.folder}' already has a key '{name}'; choose another name, or replace it.")
+                raise KeyTakenError(self.folder, name)
             self.remove(name)
         write_pose(self.folder / "source" / f"{name}.json", source, durable)
         if target is not None:
@@ -248,8 +268,9 @@ class KeyFolder:
         """
         entry = next((entry for entry in self.entries() if entry.name == name), None)
         if entry is None:
-            names = ", ".join(entry.name for entry in self.entries()[:24])
-            raise FacePoserError(f"'{self.folder}' has no key '{name}'; its keys are {names or 'none'}.")
+            near = get_close_matches(name, [entry.name for entry in self.entries()], 1)
+            help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
+            raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
         for path in (entry.source, entry.target):
             try:
                 if path is not None:

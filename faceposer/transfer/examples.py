@@ -142,7 +142,7 @@ class ExampleTransfer:
 
     def _check_distinct(self, sources: Array, names: Sequence[str]) -> None:
         places = sources @ point_rows(self.source, self.points).T
-        least = _SAME * self.source.character.height * np.sqrt(len(self.points))
+        least = _least_apart(self.source, self.points)
         for first, place in enumerate(places[:-1]):
             gaps = np.linalg.norm(places[first + 1 :] - place, axis=1)
             if not gaps.min() > least:
@@ -173,12 +173,31 @@ class ExampleTransfer:
         return tuple(moved @ region.rows.T for region in self.regions)
 
 
+def same_expression(model: FaceModel, one: Array, other: Array, points: Sequence[str] | None = None) -> bool:
+    """Return True if two poses, (r,) each, cannot be told apart at the feature points, so that they cannot be two keys.
+
+    Args:
+        model: The face.
+        one: Coefficients of a pose.
+        other: Coefficients of another pose.
+        points: Names of its feature points; None for all that move.
+    """
+    names = parameter_points(model.character, points)
+    gap = np.linalg.norm(point_rows(model, names) @ (np.asarray(one) - other))
+    return not gap > _least_apart(model, names)
+
+
+def _least_apart(model: FaceModel, names: Sequence[str]) -> float:
+    """Return the distance of the feature points ``names``, all together, below which two keys are the same."""
+    return float(_SAME * model.character.height * np.sqrt(len(names)))
+
+
 def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
     for side, coefficients, model in (("source", pair.source, source), ("target", pair.target, target)):
         if coefficients.shape != (model.n_coefficients,):
             raise FacePoserError(
                 f"The {side} of the key '{pair.name}' has {coefficients.size} coefficients, but the character "
-                f"'{model.character.name}' has {model.n_coefficients}; take the key from this character."
+                f"{model.character.label} has {model.n_coefficients}; take the key from this character."
             )
         # Comparisons with NaN are False.
         if (
@@ -186,7 +205,7 @@ def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
             < _FARTHEST * model.character.height
         ):
             raise FacePoserError(
-                f"The {side} of the key '{pair.name}' is no face: a vertex of '{model.character.name}' moves by more "
+                f"The {side} of the key '{pair.name}' is no face: a vertex of {model.character.label} moves by more "
                 f"than {_FARTHEST:g} times the height of the head; correct its weights."
             )
 

@@ -57,7 +57,7 @@ def parameter_points(character: Character, names: Sequence[str] | None = None) -
         chosen = tuple(name for name in names if name in known)
     if len(chosen) < _FEWEST:
         raise FacePoserError(
-            f"The character '{character.name}' has {len(chosen)} of the feature points that cloning by examples needs, "
+            f"The character {character.label} has {len(chosen)} of the feature points that cloning by examples needs, "
             "fewer than three; transfer by weights, or train it again with ARKit's shape names or from its examples."
         )
     return chosen

@@ -330,6 +330,6 @@ def test_keys_of_another_target_are_refused_and_poses_outside_told(robot: Robot)
     assert "outside the keys" in state.reach[1]
     state.to = "woman"
     robot.frames(3)
-    assert "are for 'creature'" in state.error
+    assert "are for Goblin ('creature')" in state.error
     assert state.result is None
     robot.key("Esc")
