@@ -189,7 +189,7 @@ def _add(options: argparse.Namespace) -> int:
             keys, options.name, options.source, options.target, options.frame, options.replace, options.propose
         )
     except KeyTakenError as error:
-        raise FacePoserError(f"{error} Add --replace to replace it.") from error
+        raise FacePoserError(f"{error.taken}; choose another name, or add --replace.") from error
     print(printable(f"{options.folder}: key '{name}' written{f'. {note}' if note else ''}"))
     return 0
 

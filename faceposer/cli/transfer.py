@@ -201,11 +201,13 @@ def _tell_reach(keys: Path, transfer: "Transfer", performance: "Performance") ->
     if reach.missed > _MUCH_MISSED or reach.strengths.max() > _STRONG:
         worst = int(reach.distances.argmax())
         where = f" in frame {worst}" if len(performance) > 1 else ""
+        most = reach.strengths.max()
+        strong = f", and are exaggerated up to {most:.1f} times" if most > 1.0 else ""
         print_notes(
             keys,
             f"The source is outside the keys: they miss {100 * reach.missed:.0f} % of its motion, up to "
-            f"{10 * reach.distances[worst]:.1f} mm{where}, and are exaggerated up to {reach.strengths.max():.1f} "
-            "times; 'keys check --on' names frames that would help as keys.",
+            f"{10 * reach.distances[worst]:.1f} mm{where}{strong}; 'keys check --on' names frames that would help as "
+            "keys.",
         )
 
 

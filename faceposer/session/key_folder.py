@@ -52,7 +52,8 @@ class KeyTakenError(FacePoserError):
     """The name of a new key is taken."""
 
     def __init__(self, folder: Path, name: str) -> None:
-        super().__init__(f"'{folder}' already has a key '{name}'; choose another name, or replace it.")
+        self.taken = f"'{folder}' already has a key '{name}'"
+        super().__init__(f"{self.taken}; choose another name, or replace it.")
 
 
 def checked_key_name(name: str) -> str:
@@ -62,7 +63,7 @@ def checked_key_name(name: str) -> str:
         FacePoserError: If it is a path, not a single line, or too long.
     """
     if re.search(r"[/\\]", name) or name.strip() in (".", ".."):
-        raise FacePoserError(f"The name of a key is no path, as '{name}' is; give a name such as 'Happiness'.")
+        raise FacePoserError(f"The name of a key cannot be a path such as '{name}'; give a name such as 'Happiness'.")
     return checked_name(name)
 
 
