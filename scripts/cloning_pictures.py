@@ -50,7 +50,7 @@ FEELING, SPEECH = 1.7, 1.25
 FEELINGS = ("anger", "fear", "happiness", "sadness", "surprise")
 # Pictures per second of the film; number of them from one emotion to the next and in it; sizes of both halves.
 FILM_RATE, MOVING, HELD = 15.0, 6, 8
-MAN, GOBLIN = (200, 270), (370, 270)
+MAN, GOBLIN = (240, 300), (410, 300)
 QUALITY = 75
 # Frames of the take that are keys.
 ADDED = 2
@@ -124,10 +124,14 @@ def emotions(plain: ExampleTransfer) -> Array:
     stations = [plain.source.neutral(), *(named[name] for name, _ in SHOWN), plain.source.neutral()]
     poses: list[Array] = [stations[0]] * (HELD // 2)
     for before, after in pairwise(stations):
-        shares = (np.arange(MOVING) + 1.0) / MOVING
-        poses += [before + share * share * (3.0 - 2.0 * share) * (after - before) for share in shares]
-        poses += [after] * HELD
+        poses += [*between(before, after), *[after] * HELD]
     return np.array(poses[: len(poses) - HELD // 2])
+
+
+def between(before: Array, after: Array) -> Array:
+    """Return poses that go smoothly from one to another, the last one included, shape (MOVING, r)."""
+    shares = (np.arange(MOVING) + 1.0) / MOVING
+    return before + (shares * shares * (3.0 - 2.0 * shares))[:, None] * (after - before)
 
 
 def film(folder: Path, path: Path, capture: Path) -> None:
@@ -141,11 +145,13 @@ def film(folder: Path, path: Path, capture: Path) -> None:
     added = [KeyPair(f"frame {i}", pose, distances.pose(pose)) for i, pose in enumerate(helpful)]
     exaggerated = ExampleTransfer(plain.source, plain.target, [*exaggerated.pairs, *added])
     step = max(round(performance.rate / FILM_RATE), 1)
-    poses = np.concatenate([emotions(plain), played[::step]])
+    begin = emotions(plain)
+    end = between(played[::step][-1], begin[0])
+    poses = np.concatenate([begin, played[::step], end])
     frames = []
     for pose in poses:
-        man = portrait(plain.source, pose, MAN)
-        goblin = portrait(plain.target, exaggerated.pose(pose), GOBLIN, 0.53, -20.0)
+        man = portrait(plain.source, pose, MAN, pan=-12.0)
+        goblin = portrait(plain.target, exaggerated.pose(pose), GOBLIN, 0.53, -22.0)
         frames.append(Image.fromarray(np.concatenate([man, goblin], axis=1)))
     settings: dict[str, Any] = {"quality": QUALITY, "method": 6} if path.suffix == ".webp" else {}
     duration = round(1000.0 / FILM_RATE)

@@ -12,10 +12,10 @@ take. All have the neutral face among them, and the targets are the characters' 
 Rivals: Noh and Neumann's expression cloning, Sumner and Popović's deformation transfer, both with a correspondence from
 all feature points; and transfer by distances and by weights.
 
-Table "noise": the man's frames on the low head, against the same weights there, and on the creature, against the poses by
-distances, with keys whose targets have errors, as those made by hand: each weight is multiplied by a random factor of mean
-1. Table "compose": time to compose
-84 keys of 19 on both faces. "key_error_cm" is the largest distance of a vertex of a clone from its key.
+Table "noise": the man's frames on the low head, against the same weights there, and on the creature, against the poses
+by distances, with keys whose targets have errors, as those made by hand: each weight is multiplied by a random factor
+of mean 1. Table "compose": time to compose 84 keys of 19 on both faces. "key_error_cm" is the largest distance of a
+vertex of a clone from its key.
 """
 
 import os
@@ -65,11 +65,16 @@ from faceposer.transfer.transfer import Transfer, make_transfer
 Array = NDArray[np.float64]
 #: From a performance of the source, (F, N, 3) on its skin and (F, r), to one of the target, in the same two forms.
 Way = Callable[["Play"], "Play"]
+#: Rows of tables; None where a method does not apply.
+Rows = list[dict[str, Any] | None]
 # Standard deviation of the factors of the table "noise", number of draws, and thresholds to compare with damping.
 NOISE, NOISE_SEEDS = 0.1, 5
 THRESHOLDS = (1e-3, 1e-4, PAPER_THRESHOLD, 1e-6, 1e-8)
 # Thresholds of tables 2 and 3.
-FIXED = {"examples, threshold": PAPER_THRESHOLD, "examples, fine": 1e-8}
+FIXED: dict[str, dict[str, Any]] = {
+    "examples, threshold": {"threshold": PAPER_THRESHOLD},
+    "examples, fine": {"threshold": 1e-8},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,47 +269,55 @@ def measured(
     return row
 
 
+def self_clones(face: Face, folder: Path, frames: int, few: int, extra: list[dict[str, Any]]) -> Rows:
+    """Return the rows of table 2 of a face."""
+    rows: Rows = []
+    for label, keys in key_sets(face, face, folder, extra).items():
+        variants: dict[str, dict[str, Any]] = {"examples": {}}
+        if label == "84 chosen":
+            variants |= FIXED
+        elif label == "19":
+            variants["examples, 20 points"] = {"points": PAPER_POINTS}
+            variants |= {f"examples, {regions}": {"regions": regions} for regions in ("halves", "parts")}
+        error = key_error(face, face, keys)
+        for how, options in variants.items():
+            more: dict[str, Any] = {"keys": label} | ({} if options else {"key_error_cm": error})
+            rows.append(measured(2, face, None, how, [by_examples(face, face, keys, **options)], frames, **more))
+    for method, way in ways(face, face).items():
+        rows.append(measured(2, face, None, method, [way], few))
+    return rows
+
+
+def round_trips(man: Face, via: Face, folder: Path, frames: int, few: int, extra: list[dict[str, Any]]) -> Rows:
+    """Return the rows of table 3 from the ``man`` to a face and back; those of the table "noise" go to ``extra``."""
+    rows: Rows = []
+    sets = key_sets(man, via, folder, extra)
+    if via.name in ("low", "creature"):
+        extra += noise_rows(man, via, {name: sets[name] for name in ("19", "84", "84 chosen")}, frames)
+    for label, keys in sets.items():
+        error = key_error(man, via, keys)
+        variants: dict[str, dict[str, Any]] = {"examples": {}} | (FIXED if label == "84 chosen" else {})
+        for how, options in variants.items():
+            there = by_examples(man, via, keys, **options)
+            back = by_examples(via, man, swapped(keys), **options)
+            more: dict[str, Any] = {"keys": label} | ({} if options else {"key_error_cm": error})
+            rows.append(measured(3, man, via, how, [there, back], frames, **more))
+    for method, way in ways(man, via).items():
+        rows.append(measured(3, man, via, method, [way, ways(via, man)[method]], few))
+    return rows
+
+
 def study(found: dict[str, Face], frames: int, few: int) -> list[dict[str, Any]]:
     """Return all rows."""
     extra: list[dict[str, Any]] = []
-    rows: list[dict[str, Any] | None] = []
+    rows: Rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for face in found.values():
-            for label, keys in key_sets(face, face, folder, extra).items():
-                more: dict[str, Any] = {"keys": label, "key_error_cm": key_error(face, face, keys)}
-                rows.append(measured(2, face, None, "examples", [by_examples(face, face, keys)], frames, **more))
-                if label == "84 chosen":
-                    for how, threshold in FIXED.items():
-                        fixed = by_examples(face, face, keys, threshold=threshold)
-                        rows.append(measured(2, face, None, how, [fixed], frames, keys=label))
-                elif label == "19":
-                    variants: dict[str, dict[str, Any]] = {
-                        "20 points": {"points": PAPER_POINTS},
-                        "halves": {"regions": "halves"},
-                        "parts": {"regions": "parts"},
-                    }
-                    for how, options in variants.items():
-                        way = by_examples(face, face, keys, **options)
-                        rows.append(measured(2, face, None, f"examples, {how}", [way], frames, keys=label))
-            for method, way in ways(face, face).items():
-                rows.append(measured(2, face, None, method, [way], few))
+            rows += self_clones(face, folder, frames, few, extra)
         man = found["man"]
-        options_of = {"examples": {}} | {how: {"threshold": value} for how, value in FIXED.items()}
         for via in (face for face in found.values() if face is not man):
-            sets = key_sets(man, via, folder, extra)
-            if via.name in ("low", "creature"):
-                extra += noise_rows(man, via, {name: sets[name] for name in ("19", "84", "84 chosen")}, frames)
-            for label, keys in sets.items():
-                error = key_error(man, via, keys)
-                for how, options in options_of.items():
-                    if how == "examples" or label == "84 chosen":
-                        there = by_examples(man, via, keys, **options)
-                        back = by_examples(via, man, swapped(keys), **options)
-                        more = {"keys": label} | ({"key_error_cm": error} if not options else {})
-                        rows.append(measured(3, man, via, how, [there, back], frames, **more))
-            for method, way in ways(man, via).items():
-                rows.append(measured(3, man, via, method, [way, ways(via, man)[method]], few))
+            rows += round_trips(man, via, folder, frames, few, extra)
     return [row for row in rows if row is not None] + extra
 
 
