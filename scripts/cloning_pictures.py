@@ -44,13 +44,13 @@ from faceposer.transfer.key_models import composed, smoothed
 
 Array = NDArray[np.float64]
 IMAGE = ROOT / "docs" / "images" / "cloning.jpg"
-SIDE = 300
 # Strength of the exaggerated keys: the goblin's feelings, and its speech.
 FEELING, SPEECH = 1.7, 1.25
 FEELINGS = ("anger", "fear", "happiness", "sadness", "surprise")
-# Pictures per second of the film; number of them from one emotion to the next and in it; sizes of both halves.
+# Pictures per second of the film; number of them from one emotion to the next and in it; sizes of both halves,
+# and of the goblin in the sheet of expressions.
 FILM_RATE, MOVING, HELD = 15.0, 6, 8
-MAN, GOBLIN = (240, 300), (410, 300)
+MAN, GOBLIN, SHEET = (240, 300), (410, 300), (380, 300)
 QUALITY = 75
 # Frames of the take that are keys.
 ADDED = 2
@@ -68,13 +68,11 @@ def transfers(folder: Path) -> tuple[ExampleTransfer, ExampleTransfer, DistanceT
 
 
 def portrait(
-    model: FaceModel, pose: Array, size: tuple[int, int] = (SIDE, SIDE), zoom: float | None = None, pan: float = 0.0
+    model: FaceModel, pose: Array, size: tuple[int, int], zoom: float = 0.75, pan: float = 0.0
 ) -> NDArray[np.uint8]:
-    """Return the picture of a pose, with the ears in it."""
-    view = portrait_view(model.character)
-    if zoom is None:
-        zoom = 0.5 if model.character.name == "creature" else 0.75
-    return render_character(model.character, model.surface(pose), view.zoomed(zoom).panned(pan, 0.0, size).camera(size))
+    """Return the picture of a pose; the goblin's ears need a smaller ``zoom`` and a ``pan`` to the middle."""
+    view = portrait_view(model.character).zoomed(zoom).panned(pan, 0.0, size)
+    return render_character(model.character, model.surface(pose), view.camera(size))
 
 
 def sheet(folder: Path) -> Image.Image:
@@ -84,8 +82,8 @@ def sheet(folder: Path) -> Image.Image:
     ah = next(source for name, source in named.items() if name == "ah")
     poses = [strength * named[name] for name, strength in SHOWN] + [0.6 * named["happiness"] + 0.7 * ah]
     rows = [
-        [portrait(plain.source, pose)]
-        + [portrait(plain.target, way.pose(pose)) for way in (distances, plain, exaggerated)]
+        [portrait(plain.source, pose, MAN, pan=-12.0)]
+        + [portrait(plain.target, way.pose(pose), SHEET, 0.5, -20.0) for way in (distances, plain, exaggerated)]
         for pose in poses
     ]
     picture = np.concatenate([np.concatenate(row, axis=1) for row in rows])
@@ -94,7 +92,8 @@ def sheet(folder: Path) -> Image.Image:
     pen = ImageDraw.Draw(image)
     font = ImageFont.truetype(str(next(fonts_folder().glob("*.ttf"))), 16)
     for i, title in enumerate(("man", "by distances", "by its keys", "keys exaggerated")):
-        pen.text((i * SIDE + SIDE // 2, 13), title, fill="black", font=font, anchor="mm")
+        middle = MAN[0] // 2 if i == 0 else MAN[0] + (i - 1) * SHEET[0] + SHEET[0] // 2
+        pen.text((middle, 13), title, fill="black", font=font, anchor="mm")
     return image
 
 
