@@ -15,7 +15,7 @@ from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.geometry.obj_io import ObjWriter
 from faceposer.model.character import Character
 from faceposer.poses.applying import applied, pose_of
-from faceposer.poses.pose_file import pose_text, read_pose
+from faceposer.poses.pose_file import LONGEST_NAME, pose_text, read_pose
 from faceposer.progress import Progress
 from faceposer.session.key_files import character_of, key_displacements
 from faceposer.session.key_folder import (
@@ -185,7 +185,7 @@ def _write(
             progress.check()
             expression, viseme = pairs[name]
             moved = composed(face.moved[expression], face.moved[viseme], alphas[face.side], meeting, face.height)
-            title = f"{titles[expression]} + {titles[viseme]}"[:80]
+            title = f"{titles[expression]} + {titles[viseme]}"[:LONGEST_NAME]
             temporary.write_text(face.text(path, title, moved), encoding="utf-8", newline="\n")
             progress.at("Composing keys", (done + 1) / len(files))
 
@@ -206,9 +206,9 @@ def _has_mark(path: Path) -> bool:
 
 
 def _title(entry: KeyFiles) -> str:
-    """Return the name of a key for the user: that of its pose, or of its mesh's file."""
-    source = entry.source
-    return read_pose(source).name if source is not None and source.suffix.lower() == ".json" else entry.name
+    """Return the title of a key: the name of the source's pose, or of the files of a mesh."""
+    path = entry.source
+    return read_pose(path).name if path is not None and path.suffix.lower() == ".json" else entry.name
 
 
 def folder_importance(folder: KeyFolder, side: Side) -> tuple[Importance, Character]:

@@ -1,5 +1,6 @@
 """Transfer by the key poses of a folder."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.session.key_files import KeyReader, character_of, key_displacements
@@ -117,7 +119,7 @@ def _targets(
         if key.error > _EXACT:
             errors[entry.name] = key.error
     if form == "meshes" or (form == "auto" and errors):
-        return *_meshes(character, model, files, f"character '{character.name}'", reader), False, {}
+        return *_meshes(character, model, files, f"character {character.label}", reader), False, {}
     return found, model, True, errors
 
 
@@ -159,15 +161,16 @@ def check_characters(folder: KeyFolder, source: FaceModel, target: str) -> None:
     expected = load_model(folder.character("source"))
     if expected.character.name != source.character.name:
         raise FacePoserError(
-            f"The keys in '{folder.folder}' are of '{expected.character.name}', but the source is "
-            f"'{source.character.name}'; give keys of this character."
+            f"The keys in '{folder.folder}' are of {expected.character.label}, but the source is "
+            f"{source.character.label}; give keys of this character."
         )
     check_same_rig(folder, expected, source)
     own = folder.character("target")
     same = paths.same_file(own, target) if folder.is_mesh or Path(target).suffix else own == target
     if not same:
         raise FacePoserError(
-            f"The keys in '{folder.folder}' are for '{folder.target}', not for '{target}'; give keys of this character."
+            f"The keys in '{folder.folder}' are for {_label(own)}, not for {_label(target)}; give keys of this "
+            "character."
         )
 
 
@@ -181,6 +184,15 @@ def check_same_rig(folder: KeyFolder, keys: FaceModel, source: FaceModel) -> Non
         counts = (len(keys.character.shape_names), len(source.character.shape_names))
         differ = f"{counts[0]}, not {counts[1]}, shapes" if counts[0] != counts[1] else "other shapes"
         raise FacePoserError(
-            f"The keys in '{folder.folder}' are of another character '{keys.character.name}', with {differ}; make keys "
+            f"The keys in '{folder.folder}' are of another character {keys.character.label}, with {differ}; make keys "
             "of this one."
         )
+
+
+def _label(character: str) -> str:
+    """Return the label of the character with this name or file, or the file of a mesh or of one that is missing."""
+    if Path(character).suffix.lower() in POSED_MESH_SUFFIXES:
+        return f"'{character}'"
+    with suppress(FacePoserError):
+        return load_model(character).character.label
+    return f"'{character}'"

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
-from faceposer.transfer.examples import NEUTRAL, SAME, ExampleTransfer, KeyPair
-from faceposer.transfer.key_parameters import THRESHOLD, Regions, parameter_points, point_rows
+from faceposer.transfer.examples import NEUTRAL, ExampleTransfer, KeyPair, least_apart
+from faceposer.transfer.key_parameters import Regions, parameter_points, point_rows
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,9 @@ _ROUND = 16
 _BLOCK = 2048
 # Residuals below this share of the motion are rounding errors.
 _NOTHING = 1e-12
+# Share of the motion that is missed, in squares, below which keys are spread over the frames instead; distance of a
+# frame from its nearest key, as a share of the height of the head, below which it needs no key.
+_COVERED, _NEAR = 1e-4, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,13 +176,15 @@ def chosen_frames(
     count: int,
     points: Sequence[str] | None = None,
     regions: Regions = "whole",
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     base: Array | None = None,
 ) -> list[HelpfulFrame]:
     """Return up to ``count`` of the source's ``poses``, (m, r), as further keys, the best first.
 
-    The choice is made in rounds, since keys determine the directions in which they count. Without a key, it begins with
-    the frame that is farthest from the base. Frames that are the expression of a key are left out.
+    The first ones are those that add most to the combinations of keys. They are chosen in rounds, since keys determine
+    the directions in which they count, and begin with the frame that is farthest from the base if there is no key. When
+    the combinations have nearly all of the motion, each further one is the frame that is farthest from all keys, since
+    between keys the target does what is no combination of them. Frames that are the expression of a key are left out.
 
     Args:
         source: The face that plays.
@@ -188,7 +193,7 @@ def chosen_frames(
         count: Number of frames to find.
         points: Feature points that give the parameters; None for all that move.
         regions: Regions that are cloned separately.
-        threshold: Share of the largest variance of the keys below which directions are dropped.
+        threshold: Share of the largest variance of the keys below which directions are dropped; None to damp them.
         base: Coefficients of the base of the keys; None for the neutral face.
     """
     base = source.neutral() if base is None else base
@@ -196,7 +201,7 @@ def chosen_frames(
     present = list(keys)
     names = parameter_points(source.character, points)
     rows = point_rows(source, names)
-    least = SAME * source.character.height * np.sqrt(len(names))
+    least = least_apart(source, names)
 
     def is_new(pose: Array) -> bool:
         return bool(np.linalg.norm((np.array([base, *present]) - pose) @ rows.T, axis=1).min() > least)
@@ -207,28 +212,57 @@ def chosen_frames(
             return []
         present.append(poses[first])
         chosen.append(HelpfulFrame(first, 1.0))
-    while len(chosen) < count:
+    covered = False
+    while len(chosen) < count and not covered:
         pairs = [KeyPair(NEUTRAL, base, base), *(KeyPair(str(i), key, key) for i, key in enumerate(present))]
         transfer = ExampleTransfer(source, source, pairs, points, regions, threshold)
         if len(chosen) == 1 and not len(keys):
             chosen = [HelpfulFrame(chosen[0].frame, coverage(transfer, poses).missed)]
         taken = [helpful.frame for helpful in chosen]
         found = helpful_frames(transfer, poses, min(_ROUND, count - len(chosen)), taken)
+        enough = next((i for i, helpful in enumerate(found) if helpful.missed < _COVERED), len(found))
+        covered = enough < _ROUND
         before = len(chosen)
-        for helpful in found:
+        for helpful in found[: enough + 1]:
             if is_new(poses[helpful.frame]):
                 chosen.append(helpful)
                 present.append(poses[helpful.frame])
-        if len(chosen) == before:
+        covered = covered or len(chosen) == before
+    return chosen + _far_frames(poses @ rows.T, np.array([base, *present]) @ rows.T, count - len(chosen), source)
+
+
+def _far_frames(moved: Array, keys: Array, count: int, source: FaceModel) -> list[HelpfulFrame]:
+    """Return up to ``count`` frames, each the farthest from all keys, and from those before.
+
+    Args:
+        moved: Displacements of the feature points in the frames, shape (m, 3 n).
+        keys: The same of the keys, the base first, shape (K, 3 n).
+        count: Number of frames to find.
+        source: The face that plays.
+    """
+    moved, places = moved - keys[0], keys - keys[0]
+    total = float((moved**2).sum())
+    distances = np.min([np.linalg.norm(moved - place, axis=1) for place in places], axis=0)
+    least = _NEAR * source.character.height * np.sqrt(moved.shape[1] / 3.0)
+    _, sizes, axes = np.linalg.svd(places, full_matrices=False)
+    axes = axes[sizes > np.sqrt(_NOTHING) * sizes[0]]
+    missed = moved - (moved @ axes.T) @ axes
+    found: list[HelpfulFrame] = []
+    while len(found) < count:
+        best = int(np.argmax(distances))
+        if distances[best] < least:
             break
-    return chosen
+        distances = np.minimum(distances, np.linalg.norm(moved - moved[best], axis=1))
+        missed = _without(missed, missed[best])
+        found.append(HelpfulFrame(best, float((missed**2).sum()) / total))
+    return found
 
 
 def _residuals(transfer: ExampleTransfer, moved: tuple[Array, ...]) -> list[Array]:
     """Return what no combination of keys has of the displacements ``moved`` of each region."""
     residuals = []
     for region, block in zip(transfer.regions, moved, strict=True):
-        residuals.append(block - (block @ region.matrix.T) @ region.matrix)
+        residuals.append(block - (block @ region.covered.T) @ region.covered)
     return residuals
 
 

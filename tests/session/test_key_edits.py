@@ -197,9 +197,12 @@ def test_a_session_of_another_character_of_this_name_is_no_key(keys: KeyFolder, 
     other = build_face_model(with_fewer_shapes(low.character, 20))
     session = tmp_path / "b" / "session.json"
     write_document(session, Document("me.npz").posed(other.neutral()).with_version_data(other))
-    with pytest.raises(FacePoserError, match="not of the character of the keys, 'me'"):
+    with pytest.raises(FacePoserError, match="not of Me with the 30 shapes of the keys"):
         add_key(mine, "Mine", session)
-    write_document(tmp_path / "a" / "session.json", Document("me.npz"))
+    own = build_face_model(with_fewer_shapes(low.character, 30))
+    pose = own.coefficients_of(OPEN)
+    document = Document("me.npz").with_start(pose).posed(pose).with_version_data(own)
+    write_document(tmp_path / "a" / "session.json", document)
     assert add_key(mine, "Mine", tmp_path / "a" / "session.json")[0] == "mine"
 
 
