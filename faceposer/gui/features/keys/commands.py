@@ -136,7 +136,7 @@ class KeyCommands:
         """Ask for name and kind, and add the present pose of the source."""
         keys = self.opened.keys
         if keys is not None:
-            self.adding.show({key.name: key.title for key in keys.keys})
+            self.adding.show({key.name: key.title for key in keys.keys}, not keys.folder.is_mesh)
 
     def _add(self, name: str, kind: str, replaces: bool) -> None:
         keys, session = self.opened.keys, self.context.session
