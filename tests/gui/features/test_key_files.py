@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from faceposer.animation.keyframes import Keyframes
+from faceposer.geometry.obj_io import write_obj
 from faceposer.gui.features.keys import commands, covering, open_keys
 from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.keys.work import NO_MEMORY
@@ -316,3 +317,30 @@ def test_a_combination_that_was_edited_stays(open_window: OpenWindow, keys: KeyF
     robot.app.actions["keys-compose"].run()
     finish(robot)
     assert path.read_bytes() == written
+
+
+def test_a_sculpt_stays_when_its_source_is_replaced(open_window: OpenWindow, tmp_path: Path, low: FaceModel) -> None:
+    write_obj(tmp_path / "head.obj", low.character.vertices, low.character.polygons)
+    keys = make_keys(tmp_path / "keys", "low", "low")
+    KeyFolder(keys.folder, "low", "../head.obj").write()
+    for path in list((keys.folder / "target").iterdir()):
+        path.unlink()
+        moved = low.instance(low.coefficients_of(OPEN if path.stem == "open" else SMILE))
+        write_obj(path.with_suffix(".obj"), moved, low.character.polygons)
+    sculpt = keys.folder / "target" / "open.obj"
+    written = sculpt.read_bytes()
+    robot = show(open_window, keys)
+    session = robot.app.session
+    with session.edit("Pose"):
+        session.set_start(session.model.coefficients_of({"jawOpen": 0.5}))
+    robot.frames(2)
+    robot.app.actions["keys-add"].run()
+    robot.frames(2)
+    robot.key("Ctrl+A")
+    robot.type("Open")
+    robot.frames(2)
+    robot.key("Enter")
+    finish(robot)
+    assert read_pose(keys.folder / "source" / "open.json").weights["jawOpen"] == pytest.approx(0.5, abs=0.02)
+    assert sculpt.read_bytes() == written
+    assert feature(robot).opened.transferable is not None
