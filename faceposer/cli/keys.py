@@ -236,8 +236,7 @@ def _compose(options: argparse.Namespace) -> int:
     )
     if report.kept:
         print(
-            f"{counted(report.kept, 'combination')} that you changed stay as they are; to compose one again, remove it "
-            "first."
+            f"{counted(report.kept, 'combination')} kept as you changed them; remove one before you compose it again."
         )
     return 0
 

@@ -64,7 +64,7 @@ def load_keys(
     reader = reader or KeyReader()
     files = folder.pairs()
     if not files:
-        raise FacePoserError(f"'{folder.folder}' has no keys; add pairs of poses, or create the folder with keys init.")
+        raise FacePoserError(f"'{folder.folder}' has no keys; add a pair of poses.")
     sources = [reader.read(_path(entry.source), source).coefficients for entry in files]
     rest, target, own, errors = _targets(folder, files, form, reader)
     transfer = ExampleTransfer(

@@ -239,7 +239,7 @@ class KeyCommands:
                 lambda progress: compose_keys(folder, progress=progress),
                 lambda report: self.context.notify(
                     f"Composed {counted(report.composed, 'key pose')}; {report.keys} with the neutral face"
-                    + (f"; {report.kept} that you changed stay as they are" if report.kept else "")
+                    + (f"; kept {report.kept} that you changed" if report.kept else "")
                 ),
             )
 
