@@ -42,7 +42,7 @@ class KeyReader:
     """Reads sides of keys, each file once until it changes."""
 
     def __init__(self, last: "KeyReader | None" = None) -> None:
-        """Read what the reader ``last``, if there is one, has not read yet; files that are not read are forgotten."""
+        """Read what the reader ``last``, if there is one, has not read yet."""
         self._last = {} if last is None else last._read
         self._read: dict[tuple[Path, int], tuple[tuple[int, ...], FaceModel, ReadKey | str]] = {}
 
@@ -66,6 +66,10 @@ class KeyReader:
         if isinstance(known[2], str):
             raise FacePoserError(known[2])
         return known[2]
+
+    def forget_rest(self) -> None:
+        """Forget what the last reader has read and this one has not."""
+        self._last = {}
 
 
 def _stamp(path: Path) -> tuple[int, ...]:

@@ -161,6 +161,7 @@ def read_key_set(path: Path, progress: Progress | None = None, last: KeySet | No
     for entry in folder.entries():
         progress.check()
         keys.append(_listed(entry, folder, models, known, reader))
+    reader.forget_rest()
     transfer = None if loaded is None else loaded.transfer
     return KeySet(folder, models, tuple(keys), transfer, problem, notes, reader)
 
