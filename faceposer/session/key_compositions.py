@@ -213,10 +213,10 @@ def importance_picture(character: Character, values: list[Array], size: int = 48
     """Return the face of ``character`` with each of the ``values``, (N,) from 0 to 1, as brightness, side by side."""
     from faceposer.landmarks.drawing import draw
     from faceposer.landmarks.painting import painted_character
-    from faceposer.poses.portrait import portrait_view
+    from faceposer.model.framing import face_view
 
     bare = replace(character, textures={})
-    camera = portrait_view(character).camera((size, size))
+    camera = face_view(character).camera((size, size))
     pictures = []
     for value in values:
         mesh = painted_character(bare)
