@@ -1,7 +1,8 @@
 """Detail of a scan beyond the model: non-rigid registration where the scan is skin, blended into the model elsewhere.
 
-The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). What it
-finds is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the
+The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). Before, a
+coarse scan is rounded (`faceposer.identity.scans.rounding`), so that the head does not follow its flat triangles. What
+is found is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the
 model:
 
     min Σ_v known ω ‖d_v - D_v‖² + λ ‖L d‖² + ε ‖d‖²,
@@ -22,6 +23,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.identity.registration import LandmarkPairs, RegistrationSettings, graph_laplacian, register
 from faceposer.identity.scan_surface import ScanSurface
 from faceposer.identity.scans.basis import HeadBasis
+from faceposer.identity.scans.rounding import rounded
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
@@ -30,6 +32,8 @@ Mask = NDArray[np.bool_]
 SETTINGS = RegistrationSettings(
     stiffness=(100.0, 30.0, 10.0, 3.0, 1.0), rounds=2, landmark_weight=0.0, farthest=(0.6, 0.25), least_cosine=0.75
 )
+# Number of vertices from which a scan is fine enough.
+_FINE = 40_000
 # Least trust at which a vertex looks for the scan, and the one from which it is not questioned.
 _SEARCHING, _SKIN = 0.02, 0.2
 # Where hair may be, the scan is only followed if most of it lies within this distance of the fit, in centimetres.
@@ -72,6 +76,8 @@ def find_detail(
     """
     nobody = LandmarkPairs(SurfacePoints.at_vertices([]), np.zeros((0, 3)), np.zeros(0))
     searching = _searching(basis, posed, scan)
+    if len(scan.vertices) < _FINE:
+        scan = rounded(scan)
     found = register(
         TriangleMesh(posed, basis.triangles),
         scan,
