@@ -2,8 +2,8 @@
 
 The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). Before, a
 coarse scan is rounded (`faceposer.identity.scans.rounding`), so that the head does not follow its flat triangles. What
-is found is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the
-model:
+is found is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into
+the model:
 
     min Σ_v known ω ‖d_v - D_v‖² + λ ‖L d‖² + ε ‖d‖²,
 

@@ -201,11 +201,11 @@ def _inner_vertices(surface: ScanSurface) -> tuple[NDArray[np.int64], Array]:
     sizes = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
     areas = np.bincount(triangles.ravel(), np.repeat(sizes, 3), len(vertices))
     areas[triangles[surface.at_border].ravel()] = 0.0
-    inner = np.flatnonzero(areas > 0.0)
+    inner = np.flatnonzero(areas > 0.0).astype(np.int64)
     if len(inner) > _MOST:
         chosen = np.sort(np.random.default_rng(0).choice(inner, _MOST, replace=False))
-        return chosen, areas[chosen] * (len(inner) / _MOST)
-    return inner, areas[inner]
+        return chosen, np.asarray(areas[chosen] * (len(inner) / _MOST))
+    return inner, np.asarray(areas[inner])
 
 
 def _used(basis: HeadBasis, vertices: NDArray[np.int64]) -> Mask:
