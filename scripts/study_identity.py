@@ -52,6 +52,7 @@ TESTS: dict[str, Callable[[int], Iterable[dict[str, Any]]]] = {
     "heads": head_rows,
     "scan": lambda n: scan_rows(sampled(), n),
     "scan with holes": lambda n: scan_rows(sampled(), n, damaged=True),
+    "scan with hair": lambda n: scan_rows(sampled(), n, hair=True),
     "real-scan": lambda _n: real_scan_rows(Path(os.environ["FACEPOSER_SCANS"])),
     "correspondence": lambda n: correspondence_rows(sampled(), n, _ROUNDS),
 }

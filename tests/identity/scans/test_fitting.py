@@ -35,7 +35,9 @@ def test_a_smiling_scan_gives_the_neutral_head(basis: HeadBasis, smiling: Smilin
         moved = rigid_alignment(head[face], truth, scale=True).apply(head[face])
         return 10.0 * float(np.linalg.norm(moved - truth, axis=1).mean())
 
-    assert error(fit.neutral) < 0.5
+    assert error(fit.neutral) < 0.25
+    # The model explains the scan, so that segments need not differ.
+    assert not fit.local.any()
     assert error(basis.mean) > 1.5
     found = dict(zip(basis.expression_names, fit.scans[0].weights, strict=True))
     for name in ("mouthSmileLeft", "mouthSmileRight"):
