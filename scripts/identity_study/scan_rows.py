@@ -1,5 +1,6 @@
 """Rows of heads from scans: of sampled identities, whose truth is known, and of a real one."""
 
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,12 +12,20 @@ from numpy.typing import NDArray
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.scans.fitting import STAGES, fit_head
-from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, marked_scan, read_scan, shipped_basis
+from faceposer.identity.scans.head_from_scans import (
+    Scan,
+    head_from_scans,
+    known_landmarks,
+    marked_scan,
+    read_scan,
+    shipped_basis,
+)
 from faceposer.identity.scans.learning import learning_rounds
 from faceposer.identity.scans.scan import composed, placed_scan
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.model.character_file import load_character
 from faceposer.progress import Progress
+from scripts.identity_study.eos_fit import EosFit, has_eos
 from scripts.identity_study.rows import row
 from scripts.identity_study.sampling import SampledScans, vertex_errors
 
@@ -66,6 +75,26 @@ def scan_rows(sampled: SampledScans, n: int, damaged: bool = False, hair: bool =
     yield row(name, "model, segments", modes, segmented, seconds[2] / n)
     more = {"scalp_mm_mean": round(float(np.mean(scalps)), 4)} if hair else {}
     yield row(name, "model, segments, detail", modes, detailed, seconds[2] / n, **more)
+
+
+def eos_rows(sampled: SampledScans, n: int) -> Iterator[dict[str, Any]]:
+    """Yield the row of fits by eos to the landmarks of the scans of `scan_rows`, if it is installed."""
+    if not has_eos():
+        print("eos is not installed (pip install eos-py): its row is left out.", file=sys.stderr)
+        return
+    basis = shipped_basis()
+    face = sampled.known & (basis.trust >= _FACE)
+    rival = EosFit(basis)
+    errors, seconds = [], 0.0
+    for seed in range(_SEED, _SEED + n):
+        made = sampled.scan(seed, _COUNT)
+        scan = marked_scan(Scan(f"identity {seed}", PaintedMesh(made.mesh.vertices, made.mesh.triangles)), Progress())
+        placed = placed_scan(basis, scan.mesh, known_landmarks(scan), scan.name)
+        began = time.perf_counter()
+        head = rival.head(placed)
+        seconds += time.perf_counter() - began
+        errors.append(vertex_errors(head, made.truth, face))
+    yield row("scan", "eos-py, landmarks", len(basis.modes), errors, seconds / n)
 
 
 def _scalp_error(head: Array, truth: Array, face: Mask, known: Mask) -> float:
