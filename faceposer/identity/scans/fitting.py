@@ -7,11 +7,12 @@ the scan to the model's frame, the fit minimises half of
     + Σ_j Σ_l ‖x_l(b, w_j) - T_j p_l‖² / s_l²                                    landmarks p_l
     + ‖b‖² + Σ_k ‖β_k‖² / τ² + Σ_j Σ_e 2 λ w_je / m_e                            prior
 
-(Blanz and Vetter 1999, sections 3 and 4, with distances in place of grey values). In the last stage each segment k has
-its own coefficients b + β_k, blended by a partition of unity. The weights 0 ≤ w ≤ 1 have an exponential prior in terms
-of their means m, under which most are zero, so that a neutral face is not explained by expressions. In each round,
-closest points and their weights r are fixed and T is linear in a small rotation, translation and scale; the normal
-equations are solved for all unknowns at once, those of w as a quadratic programme with bounds.
+(Blanz and Vetter 1999, sections 3 and 4, with distances in place of grey values). In the last stages, v are the scan's
+vertices and c_v their closest points on the head, κ is 0, and s is estimated from the distances; if these are still
+large, each segment k gets its own coefficients b + β_k, blended by a partition of unity. The weights 0 ≤ w ≤ 1 have an
+exponential prior in terms of their means m, under which most are zero, so that a neutral face is not explained by
+expressions. In each round, closest points and their weights r are fixed and T is linear in a small rotation, translation
+and scale; the normal equations are solved for all unknowns at once, those of w as a quadratic programme with bounds.
 
 r is the trust of the vertex, 0 where the closest point is far, faces another way or lies at a border, and falls with
 the residual as in the M-estimator of Geman and McClure, as hair and clothes lie on the scan but not on the model. It
