@@ -11,8 +11,8 @@ the scan to the model's frame, the fit minimises half of
 vertices and c_v their closest points on the head, κ is 0, and s is estimated from the distances; if these are still
 large, each segment k gets its own coefficients b + β_k, blended by a partition of unity. The weights 0 ≤ w ≤ 1 have an
 exponential prior in terms of their means m, under which most are zero, so that a neutral face is not explained by
-expressions. In each round, closest points and their weights r are fixed and T is linear in a small rotation, translation
-and scale; the normal equations are solved for all unknowns at once, those of w as a quadratic programme with bounds.
+expressions. In each round, closest points and their weights r are fixed and T is linear in a small rotation,
+translation and scale; the normal equations are solved for all unknowns at once, those of w with bounds.
 
 r is the trust of the vertex, 0 where the closest point is far, faces another way or lies at a border, and falls with
 the residual as in the M-estimator of Geman and McClure, as hair and clothes lie on the scan but not on the model. It
