@@ -142,6 +142,7 @@ def _compose(
 ) -> None:
     """Write the combinations of the emotional and verbal keys ``names`` on both sides, in place of ``earlier`` ones."""
     expressions, visemes = names
+    titles = {entry.name: _title(entry) for entry in entries}
     done, total = 0, len(expressions) * len(visemes)
     for side in ("source", "target"):
         face = _Face(folder, side, entries)
@@ -159,9 +160,16 @@ def _compose(
             for viseme in visemes:
                 progress.check()
                 moved = composed(face.moved[expression], face.moved[viseme], alpha, meeting, face.height)
-                face.write(f"{expression}+{viseme}", f"{expression} + {viseme}"[:80], moved, inverse)
+                title = f"{titles[expression]} + {titles[viseme]}"[:80]
+                face.write(f"{expression}+{viseme}", title, moved, inverse)
                 done += 1
                 progress.at("Composing keys", done / (2 * total))
+
+
+def _title(entry: KeyFiles) -> str:
+    """Return the name of a key for the user: that of its pose, or of its mesh's file."""
+    source = entry.source
+    return read_pose(source).name if source is not None and source.suffix.lower() == ".json" else entry.name
 
 
 def folder_importance(folder: KeyFolder, side: Side) -> tuple[Importance, Character]:
@@ -205,10 +213,10 @@ def importance_picture(character: Character, values: list[Array], size: int = 48
     """Return the face of ``character`` with each of the ``values``, (N,) from 0 to 1, as brightness, side by side."""
     from faceposer.landmarks.drawing import draw
     from faceposer.landmarks.painting import painted_character
-    from faceposer.poses.portrait import portrait_view
+    from faceposer.model.framing import face_view
 
     bare = replace(character, textures={})
-    camera = portrait_view(character).camera((size, size))
+    camera = face_view(character).camera((size, size))
     pictures = []
     for value in values:
         mesh = painted_character(bare)
