@@ -9,6 +9,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.identity.model_file import load_identity_model
+from faceposer.identity.scans import detail, learning
 from faceposer.identity.scans.basis import HeadBasis
 from faceposer.identity.scans.head_from_scans import Scan
 from faceposer.identity.scans.learning import Work, aligned_heads, learn_model, registered
@@ -17,7 +18,11 @@ from tests.identity.meshes import ELSEWHERE
 from tests.identity.scans.conftest import SmilingScan
 
 
-def test_a_scan_is_registered_by_smooth_deformations(basis: HeadBasis, smiling: SmilingScan) -> None:
+def test_a_scan_is_registered_by_smooth_deformations(
+    basis: HeadBasis, smiling: SmilingScan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(learning, "_SMOOTH_STAGES", tuple(replace(s, rounds=3) for s in learning._SMOOTH_STAGES))
+    monkeypatch.setattr(detail, "SETTINGS", replace(detail.SETTINGS, stiffness=(30.0,), rounds=1))
     scan = Scan("me", smiling.mesh, smiling.landmarks)
     chosen = np.flatnonzero(basis.trust[: basis.n_control] > 0.0)
     head = registered(Work(scan, replace(basis, modes=smooth_modes(basis.mean, chosen)[:50]), smooth=True))
