@@ -76,6 +76,11 @@ class Character(CharacterData):
         return damaged_textures(self)
 
     @property
+    def label(self) -> str:
+        """Title, with the name that commands take where it is another word: "Goblin ('creature')"."""
+        return self.title if self.title.casefold() == self.name.casefold() else f"{self.title} ('{self.name}')"
+
+    @property
     def height(self) -> float:
         """Height from the bottom of the chin to the crown, in centimetres; of the whole mesh if these are unknown."""
         y = self.vertices[:, 1]

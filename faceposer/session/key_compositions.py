@@ -13,7 +13,7 @@ from faceposer.geometry.obj_io import ObjWriter
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of
-from faceposer.poses.pose_file import read_pose, write_pose
+from faceposer.poses.pose_file import LONGEST_NAME, read_pose, write_pose
 from faceposer.progress import Progress
 from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFiles, KeyFolder, Side
 from faceposer.session.keys import key_displacements
@@ -160,16 +160,16 @@ def _compose(
             for viseme in visemes:
                 progress.check()
                 moved = composed(face.moved[expression], face.moved[viseme], alpha, meeting, face.height)
-                title = f"{titles[expression]} + {titles[viseme]}"[:80]
+                title = f"{titles[expression]} + {titles[viseme]}"[:LONGEST_NAME]
                 face.write(f"{expression}+{viseme}", title, moved, inverse)
                 done += 1
                 progress.at("Composing keys", done / (2 * total))
 
 
 def _title(entry: KeyFiles) -> str:
-    """Return the name of a key for the user: that of its pose, or of its mesh's file."""
-    source = entry.source
-    return read_pose(source).name if source is not None and source.suffix.lower() == ".json" else entry.name
+    """Return the title of a key: the name of the source's pose, or of the files of a mesh."""
+    path = entry.source
+    return read_pose(path).name if path is not None and path.suffix.lower() == ".json" else entry.name
 
 
 def folder_importance(folder: KeyFolder, side: Side) -> tuple[Importance, Character]:
