@@ -5,9 +5,10 @@
     python scripts/study_heads.py --heads 5 --draws 10
 
 For each head: the widest gap between closed lids as seen from the eye's centre; the depths of docs/contact.md after the
-contact step, in the poses of the library at 100 and 150 % and in samples of the prior at 1.5 times its spread; and
-seconds for the character, for its face model, and for its contact step. F is written after each head; the next run with
-the same seed and number of draws measures only the heads that it lacks.
+contact step, and the height of the mouth's lining above the skin of the chin, in the poses of the library at 100 and
+150 % and in samples of the prior at 1.5 times its spread; and seconds for the character, its face model, its contact
+step, and the poses. F is written after each head; the next run with the same seed and number of draws measures only the
+heads that it lacks.
 """
 
 import argparse
@@ -33,6 +34,7 @@ if str(ROOT) not in sys.path:
 from faceposer.files.atomic import atomic_file
 from faceposer.identity.anatomy.eyeballs import ball_of
 from faceposer.identity.character import character_of
+from faceposer.identity.head import HeadMaker
 from faceposer.identity.model_file import load_identity_model
 from faceposer.model.character import Character
 from faceposer.model.contact.measure import KINDS, penetration_mm
@@ -42,6 +44,8 @@ from faceposer.poses.library import starter_poses
 
 Array = NDArray[np.float64]
 
+#: What is measured: penetrations, and the height of the mouth's lining above the skin.
+MEASURED = (*KINDS, "lining_skin")
 STRENGTHS, SPREAD, ALLOWED_MM = (1.0, 1.5), 1.5, 0.1
 #: Size of a cell of directions, in radians, and distance from the eye's centre of skin that can cover it, in radii.
 _CELL, _NEAR = np.deg2rad(0.1), 2.2
@@ -99,6 +103,13 @@ def poses(model: FaceModel, draws: int, seed: int) -> tuple[list[str], Array]:
     return names, np.concatenate([np.array([pose for _, pose in library]), sampled])
 
 
+def depths_mm(model: FaceModel, vertices: NDArray[np.float32]) -> dict[str, float]:
+    """Return the greatest depth of each of `MEASURED` in a pose, in millimetres."""
+    lips = HeadMaker.shipped().lips
+    outside = -lips.lining.depth(vertices[: HeadMaker.shipped().n_skin].astype(np.float64)).min()
+    return {**penetration_mm(model, vertices), "lining_skin": 10.0 * max(float(outside), 0.0)}
+
+
 def study(skin: Array, draws: int, seed: int) -> dict[str, Any]:
     """Return the measurements of the head with ``skin``, shape (N, 3)."""
     times = [time.perf_counter()]
@@ -109,9 +120,9 @@ def study(skin: Array, draws: int, seed: int) -> dict[str, Any]:
     contact = model.contact
     times.append(time.perf_counter())
     names, measured = poses(model, draws, seed)
-    depths = [penetration_mm(model, contact.apply(model.instance(pose))) for pose in measured]
+    depths = [depths_mm(model, contact.apply(model.instance(pose))) for pose in measured]
     times.append(time.perf_counter())
-    found = {kind: np.array([depth[kind] for depth in depths]) for kind in KINDS}
+    found = {kind: np.array([depth[kind] for depth in depths]) for kind in MEASURED}
     return {
         "blink_gap_mm": float(max(blink_gap_mm(character, side) for side in ("Left", "Right"))),
         "poses": len(depths),
@@ -158,7 +169,7 @@ def main() -> None:
         f"{len(rows)} heads: widest gap {max(row['blink_gap_mm'] for row in rows):.3f} mm; of {n_poses} poses, over "
         f"{ALLOWED_MM} mm:"
     )
-    for kind in KINDS:
+    for kind in MEASURED:
         over = sum(row["over"][kind] for row in rows)
         print(f"  {kind}: {over} (deepest {max(row['deepest_mm'][kind] for row in rows):.3f} mm)")
 

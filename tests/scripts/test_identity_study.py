@@ -8,7 +8,7 @@ import pytest
 from faceposer.identity.attributes import load_attributes
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.template import head_template
-from faceposer.model.contact.measure import KINDS
+from scripts.study_heads import MEASURED
 from scripts.identity_study import model_rows
 from scripts.identity_study.rows import row
 
@@ -52,12 +52,12 @@ def test_what_is_to_stay() -> None:
 def test_the_worst_of_random_heads_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def study(skin: np.ndarray, draws: int, seed: int) -> dict[str, object]:
         assert skin.shape == (head_template().n_skin, 3)
-        depths = dict.fromkeys(KINDS, 0.01 * (seed + 1))
+        depths = dict.fromkeys(MEASURED, 0.01 * (seed + 1))
         return {
             "blink_gap_mm": 0.1 * seed,
             "poses": 5,
             "deepest_mm": depths,
-            "over": dict.fromkeys(KINDS, seed),
+            "over": dict.fromkeys(MEASURED, seed),
         }
 
     monkeypatch.setattr(model_rows, "study", study)

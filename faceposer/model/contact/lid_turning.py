@@ -28,7 +28,7 @@ TURN_REACH = 0.75
 _RIM = 0.3
 # Start and margin of the turn of a lid, in radians.
 _TURN_START, _TURN_MARGIN = 0.003, 0.012
-# Largest gap between the last vertex of an edge and a corner of the eye in which the edge is known, in radians.
+# Largest distance from the last vertex of an edge, towards a corner of the eye, in which the edge is known, in radians.
 _LARGEST_GAP = np.deg2rad(8.0)
 #: Spacing of the control points that spread pushes, in radians.
 SPACING = 0.2
@@ -158,7 +158,7 @@ class _Lids:
         curves = edges.curves(character.vertices, ball.centre)
         starts, ends = zip(*(_known_range(curve.azimuth) for curve in curves), strict=True)
         first, last = max(starts), min(ends)
-        on_edge = (azimuth > first) & (azimuth < last) & (ball.clearance(points)[0] >= 0.0)
+        on_edge = (azimuth >= first) & (azimuth <= last) & (ball.clearance(points)[0] >= 0.0)
         along, up = outward * azimuth / SPACING, elevation / SPACING
         rims, allowed, spreadings = [], [], []
         for number, (distance, share) in enumerate(zip(distances, (upper, 1.0 - upper), strict=True)):
@@ -202,9 +202,7 @@ def _azimuth(character: Character, ball: Eyeball, ids: Ids) -> Array:
 
 def _known_range(azimuth: Array) -> tuple[float, float]:
     """Return the range of azimuths in which an edge with points at ascending ``azimuth``, (n,), is known."""
-    first = 1 if azimuth[1] - azimuth[0] > _LARGEST_GAP else 0
-    last = -2 if azimuth[-1] - azimuth[-2] > _LARGEST_GAP else -1
-    return float(azimuth[first]), float(azimuth[last])
+    return float(max(azimuth[0], azimuth[1] - _LARGEST_GAP)), float(min(azimuth[-1], azimuth[-2] + _LARGEST_GAP))
 
 
 def _lashes(character: Character, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:
