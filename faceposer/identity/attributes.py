@@ -36,7 +36,7 @@ ETHNICITIES = ("african", "asian", "caucasian")
 ASYMMETRY = "asymmetry"
 _ROUNDS, _EXACT = 6, 1e-5
 #: Deviation, as a share of its range, that an attribute of the face may cause in others by default.
-_SLACK = 0.025
+_SLACK = 0.018
 #: Odd part of a head, in centimetres, below which it counts as symmetric.
 _SYMMETRIC = 1e-4
 _INVALID = (AttributeError, IndexError, KeyError, TypeError, ValueError)
@@ -159,7 +159,7 @@ class HeadAttributes:
             skin: A head.
             values: Values by name of attribute. Of one ethnicity, the others make up for it in equal parts.
             keep: Attributes that are to keep their values besides. If None, attributes of the person keep each other,
-                and the face changes with them; attributes of the face then keep all others within a twelfth of their
+                and the face changes with them; attributes of the face then keep all others within a tenth of their
                 range, which takes less unlikely heads than to keep them exactly.
             seed: Pattern by which a symmetric head becomes asymmetric.
 
