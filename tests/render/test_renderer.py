@@ -157,7 +157,7 @@ def test_a_fold_of_the_lips_seen_from_below_is_opaque(model: FaceModel) -> None:
     weights = np.array([raised.get(name, 0.0) for name in character.shape_names])
     vertices = model.contact.apply((character.vertices + np.tensordot(weights, character.shapes, 1)).astype(np.float32))
     lip = vertices[character.regions["mouth"]].mean(axis=0) + [1.2, 0.0, 0.0]
-    camera = OrbitView(tuple(lip.tolist()), 0.4, -0.1, distance=10.0).camera((120, 100))
+    camera = OrbitView(tuple(lip.tolist()), 0.4, -0.4, distance=12.0).camera((160, 120))
     assert (render_character(character, vertices, camera, transparent=True)[..., 3] == 255).all()
 
 

@@ -8,9 +8,9 @@ import pytest
 from faceposer.identity.attributes import load_attributes
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.template import head_template
-from scripts.study_heads import MEASURED
 from scripts.identity_study import model_rows
 from scripts.identity_study.rows import row
+from scripts.study_heads import MEASURED
 
 
 def test_a_row_has_the_means_over_heads() -> None:
