@@ -31,7 +31,7 @@ _AROUND = 5.0
 #: Distance behind the upper incisors at which the rise of the rows of teeth levels off, that of the incisors behind the
 #: inner side of the lips, and the slope of the reference's gums towards the back.
 _LEVELS_OFF, _BEHIND_LIPS, _SLOPE = 1.6, 0.16, 0.14
-#: Rise that is left out, since lips cover so much more of the gums, and the greatest one, in the reference's centimetres.
+#: Rise that is left out, since lips cover so much more of the gums, and the greatest one, in reference centimetres.
 _COVERED, _GREATEST_RISE = 0.1, 0.5
 #: Motion below which a vertex is taken not to turn with the jaw, and distance from the hinge for the same, in
 #: centimetres.
