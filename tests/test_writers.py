@@ -60,7 +60,7 @@ _MODULES = {
     "geometry/ply_io.py": "checked here",
     "geometry/texture_images.py": "images",
     "gui/features/keys/feature.py": "key poses, by session/key_edits.py",
-    "gui/features/poses/feature.py": "poses, by poses/library.py",
+    "gui/features/poses/commands.py": "poses, by poses/library.py",
     "gui/session_files.py": "sessions",
     "identity/companion_file.py": "checked here",
     "identity/eye_colour.py": "images",
