@@ -28,8 +28,10 @@ TURN_REACH = 0.75
 _RIM = 0.3
 # Start and margin of the turn of a lid, in radians.
 _TURN_START, _TURN_MARGIN = 0.003, 0.012
-# Largest distance from the last vertex of an edge, towards a corner of the eye, in which the edge is known, in radians.
+# Largest gap between the last vertex of an edge and a corner of the eye in which the edge is known, in radians.
 _LARGEST_GAP = np.deg2rad(8.0)
+# Distance from that vertex up to which it is known next to a larger gap, in radians.
+_BEYOND = np.deg2rad(2.5)
 #: Spacing of the control points that spread pushes, in radians.
 SPACING = 0.2
 
@@ -202,7 +204,9 @@ def _azimuth(character: Character, ball: Eyeball, ids: Ids) -> Array:
 
 def _known_range(azimuth: Array) -> tuple[float, float]:
     """Return the range of azimuths in which an edge with points at ascending ``azimuth``, (n,), is known."""
-    return float(max(azimuth[0], azimuth[1] - _LARGEST_GAP)), float(min(azimuth[-1], azimuth[-2] + _LARGEST_GAP))
+    first = azimuth[1] - _BEYOND if azimuth[1] - azimuth[0] > _LARGEST_GAP else azimuth[0]
+    last = azimuth[-2] + _BEYOND if azimuth[-1] - azimuth[-2] > _LARGEST_GAP else azimuth[-1]
+    return float(first), float(last)
 
 
 def _lashes(character: Character, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:
