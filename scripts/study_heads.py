@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Measure characters of random heads of the morphable model: blinks, penetrations, and time.
 
-    python scripts/study_heads.py --json F             # 100 heads
+    python scripts/study_heads.py --json F             # 100 heads, 10 minutes of one core
     python scripts/study_heads.py --heads 5 --draws 10
 
 For each head: the widest gap between closed lids as seen from the eye's centre; the depths of docs/contact.md after the
-contact step, in the poses of the library at 100 and 150 % and in samples of the prior at 1.5 times its spread; and
-seconds for the character, for its face model, and for its contact step.
+contact step, and the height of the mouth's lining above the skin of the chin, in the poses of the library at 100 and
+150 % and in samples of the prior at 1.5 times its spread; and seconds for the character, its face model, its contact
+step, and the poses. F is written after each head; the next run with the same seed and number of draws measures only the
+heads that it lacks.
 """
 
 import argparse
@@ -29,8 +31,10 @@ ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from faceposer.files.atomic import atomic_file
 from faceposer.identity.anatomy.eyeballs import ball_of
 from faceposer.identity.character import character_of
+from faceposer.identity.head import HeadMaker
 from faceposer.identity.model_file import load_identity_model
 from faceposer.model.character import Character
 from faceposer.model.contact.measure import KINDS, penetration_mm
@@ -40,6 +44,8 @@ from faceposer.poses.library import starter_poses
 
 Array = NDArray[np.float64]
 
+#: What is measured: penetrations, and the height of the mouth's lining above the skin.
+MEASURED = (*KINDS, "lining_skin")
 STRENGTHS, SPREAD, ALLOWED_MM = (1.0, 1.5), 1.5, 0.1
 #: Size of a cell of directions, in radians, and distance from the eye's centre of skin that can cover it, in radii.
 _CELL, _NEAR = np.deg2rad(0.1), 2.2
@@ -83,17 +89,25 @@ def _covered(skin: Array, triangles: NDArray[np.int32], radius: float) -> NDArra
     return np.asarray(image)
 
 
-def poses(model: FaceModel, draws: int, seed: int) -> Array:
-    """Return the poses to measure, shape (n, r)."""
+def poses(model: FaceModel, draws: int, seed: int) -> tuple[list[str], Array]:
+    """Return names of the poses to measure, and their coefficients, shape (n, r)."""
     library = [
-        applying.applied(model, model.neutral(), entry.pose, strength)
+        (f"{entry.title} {strength:.0%}", applying.applied(model, model.neutral(), entry.pose, strength))
         for entry in starter_poses()
         if entry.pose is not None and applying.weights_on(entry.pose, model.character) is not None
         for strength in STRENGTHS
     ]
     mean, _ = model.mixture.moments()
     sampled = mean + SPREAD * (model.mixture.draws(draws, np.random.default_rng(seed)) - mean)
-    return np.concatenate([np.array(library), sampled])
+    names = [name for name, _ in library] + [f"draw {i}" for i in range(draws)]
+    return names, np.concatenate([np.array([pose for _, pose in library]), sampled])
+
+
+def depths_mm(model: FaceModel, vertices: NDArray[np.float32]) -> dict[str, float]:
+    """Return the greatest depth of each of `MEASURED` in a pose, in millimetres."""
+    lips = HeadMaker.shipped().lips
+    outside = -lips.lining.depth(vertices[: HeadMaker.shipped().n_skin].astype(np.float64)).min()
+    return {**penetration_mm(model, vertices), "lining_skin": 10.0 * max(float(outside), 0.0)}
 
 
 def study(skin: Array, draws: int, seed: int) -> dict[str, Any]:
@@ -105,44 +119,59 @@ def study(skin: Array, draws: int, seed: int) -> dict[str, Any]:
     times.append(time.perf_counter())
     contact = model.contact
     times.append(time.perf_counter())
-    depths = [penetration_mm(model, contact.apply(model.instance(pose))) for pose in poses(model, draws, seed)]
-    found = {kind: np.array([depth[kind] for depth in depths]) for kind in KINDS}
+    names, measured = poses(model, draws, seed)
+    depths = [depths_mm(model, contact.apply(model.instance(pose))) for pose in measured]
+    times.append(time.perf_counter())
+    found = {kind: np.array([depth[kind] for depth in depths]) for kind in MEASURED}
     return {
-        "blink_gap_mm": max(blink_gap_mm(character, side) for side in ("Left", "Right")),
+        "blink_gap_mm": float(max(blink_gap_mm(character, side) for side in ("Left", "Right"))),
         "poses": len(depths),
         "deepest_mm": {kind: float(depth.max()) for kind, depth in found.items()},
+        "deepest_pose": {kind: names[int(depth.argmax())] for kind, depth in found.items() if depth.max() > 0.0},
         "over": {kind: int((depth > ALLOWED_MM).sum()) for kind, depth in found.items()},
-        "seconds": dict(zip(("character", "model", "contact"), np.diff(times).tolist(), strict=True)),
+        "seconds": dict(zip(("character", "model", "contact", "poses"), np.diff(times).tolist(), strict=True)),
     }
+
+
+def earlier_rows(path: Path | None, seed: int, draws: int) -> dict[int, dict[str, Any]]:
+    """Return the rows by head in the file ``path`` of an earlier run with the same ``seed`` and ``draws``."""
+    if path is None or not path.is_file():
+        return {}
+    rows = json.loads(path.read_text(encoding="utf-8"))
+    return {row["head"]: row for row in rows if (row["seed"], row["draws"]) == (seed, draws)}
 
 
 def main() -> None:
     """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--heads", type=int, default=100, help="number of heads (default: 100)")
-    parser.add_argument("--draws", type=int, default=20, help="samples of the prior for each (default: 20)")
+    parser.add_argument("--draws", type=int, default=100, help="samples of the prior for each (default: 100)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, metavar="F", help="file to write all measurements to")
     options = parser.parse_args()
     heads = load_identity_model()
-    rows = []
+    found = earlier_rows(options.json, options.seed, options.draws)
     for i, shape in enumerate(heads.sample(options.seed, options.heads)):
-        row = study(heads.instance(shape), options.draws, i)
-        rows.append(row)
+        if i not in found:
+            row = study(heads.instance(shape), options.draws, i)
+            found[i] = {"head": i, "seed": options.seed, "draws": options.draws, **row}
+            if options.json is not None:
+                with atomic_file(options.json, "measurements") as path:
+                    path.write_text(json.dumps([found[k] for k in sorted(found)], indent=1) + "\n", encoding="utf-8")
+        row = found[i]
         depths = ", ".join(f"{kind} {depth:.3f}" for kind, depth in row["deepest_mm"].items())
         print(
             f"head {i}: gap {row['blink_gap_mm']:.3f} mm, {depths} mm, {row['seconds']['character']:.2f} s", flush=True
         )
+    rows = [found[i] for i in range(options.heads)]
     n_poses = sum(row["poses"] for row in rows)
     print(
         f"{len(rows)} heads: widest gap {max(row['blink_gap_mm'] for row in rows):.3f} mm; of {n_poses} poses, over "
         f"{ALLOWED_MM} mm:"
     )
-    for kind in KINDS:
+    for kind in MEASURED:
         over = sum(row["over"][kind] for row in rows)
         print(f"  {kind}: {over} (deepest {max(row['deepest_mm'][kind] for row in rows):.3f} mm)")
-    if options.json is not None:
-        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

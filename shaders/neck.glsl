@@ -1,6 +1,13 @@
 // Fading of the neck above its cut.
 
 uniform vec4 neck;  // plane with value 0 at the cut and 1 at the end of the fade
+uniform vec4 neck_cut;  // middle of the cut, and the greatest distance of its edge from there
+
+// True if the camera sees a position through the cut of the neck.
+bool through_the_cut(vec3 position, vec3 camera) {
+    float above = dot(neck.xyz, position) + neck.w, below = -dot(neck.xyz, camera) - neck.w;
+    return below > 0.0 && distance(mix(position, camera, above / (above + below)), neck_cut.xyz) < neck_cut.w;
+}
 
 // Opacity of the skin at a position, 0 at the cut; the inner side is invisible from below.
 float neck_opacity(vec3 position, bool inner, float from_below) {

@@ -65,7 +65,9 @@ void main() {
     inside *= mix(1.0, 0.28, behind * lining);
     vec3 linear = (albedo * lit + (shine + edge) * gloss) * inside;
     // The inner side of the skin is visible from below at the cut of the neck; elsewhere it belongs to a fold.
-    float from_below = smoothstep(0.05, 0.30, -(transpose(mat3(view)) * v).y);
+    mat3 to_world = transpose(mat3(view));
+    float from_below = smoothstep(0.05, 0.30, -(to_world * v).y);
+    if (neck.w != 1.0 && !through_the_cut(world_position, -(to_world * view[3].xyz))) from_below = 0.0;
     bool inner = !gl_FrontFacing && material <= 1;
     if (inner) linear = mix(0.75 * linear, vec3(0.014, 0.013, 0.013), from_below);
     float fade = material <= 1 ? neck_opacity(world_position, inner, from_below) : 1.0;

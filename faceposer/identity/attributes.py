@@ -36,7 +36,7 @@ ETHNICITIES = ("african", "asian", "caucasian")
 ASYMMETRY = "asymmetry"
 _ROUNDS, _EXACT = 6, 1e-5
 #: Deviation, as a share of its range, that an attribute of the face may cause in others by default.
-_SLACK = 0.025
+_SLACK = 0.018
 #: Odd part of a head, in centimetres, below which it counts as symmetric.
 _SYMMETRIC = 1e-4
 _INVALID = (AttributeError, IndexError, KeyError, TypeError, ValueError)

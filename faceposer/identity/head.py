@@ -76,7 +76,11 @@ class HeadMaker:
             self._roots[side] = eye.ring[cKDTree(rest[eye.ring]).query(lashes)[1]]
             self._lash_lengths[side] = lash_length(side, rest, eye.halves, ball.centre, lashes)
         self._open, self._close = names.index("jawOpen"), names.index("mouthClose")
-        self.lips = MouthFit(template, rest, outside, reference.shapes[self._open, : self.n_skin].astype(np.float64))
+        opening = reference.shapes[self._open, : self.n_skin].astype(np.float64)
+        smiles = [names.index(f"mouthSmile{side}") for side in ("Left", "Right")]
+        smile = reference.shapes[smiles, : self.n_skin].astype(np.float64).sum(axis=0)
+        self.lips = MouthFit(template, rest, outside, opening, smile)
+        self._lining_losses = self.lips.lining.losses(rest, reference.shapes[:, : self.n_skin].astype(np.float64))
         forward = np.linalg.norm(reference.shapes[names.index("jawForward")], axis=1)
         lower = reference.part("teeth_lower").vertices[0]
         self._jaw_share = forward.astype(np.float64) / float(forward[lower])
@@ -95,12 +99,12 @@ class HeadMaker:
         Raises:
             FacePoserError: If the shape is another, a value is not finite, or the size is not that of a head.
         """
-        vertices = self.lips.close_lips(self._checked(skin))
+        vertices = self.lips.lining.inside(self.lips.close_lips(self._checked(skin)))
         balls = {side: eye.place(vertices) for side, eye in self._eyes.items()}
         for side, eye in self._eyes.items():
             vertices = eye.fit_lids(vertices, balls[side])
         maps = (self._template.fine.split @ self._maps(vertices).reshape(-1, 9)).reshape(-1, 3, 3)
-        mouth = self.lips.place(vertices)
+        mouth = self.lips.place(vertices, maps)
         everything = self.reference.vertices.astype(np.float64)
         everything[: self.n_skin] = vertices
         for side, ball in balls.items():
@@ -120,7 +124,8 @@ class HeadMaker:
         opening = self.lips.opening(skin, head.maps, head.mouth)
         carried[self._close] += self.lips.closing[:, None] * (carried[self._open] - opening)
         carried[self._open] = opening
-        carried[self._close] = self.lips.lining_behind(skin, opening, carried[self._close])
+        carried = self.lips.lining.losing_less(skin, carried, head.mouth.scale * self._lining_losses)
+        carried[self._close] = self.lips.lining.behind(skin, carried[self._open], carried[self._close])
         for side, eye in self._eyes.items():
             carried = eye.fit_shapes(skin, carried, names, head.balls[side])
         result[:, :n] = carried
@@ -130,7 +135,8 @@ class HeadMaker:
             ids = self._ids(name)
             result[:, ids] *= head.mouth.scale
             of_reference = given[self._open, ids].astype(np.float64)
-            result[self._open, ids] = self.lips.carry_opening(of_reference, self._jaw_share[ids], head.mouth)
+            points = self.reference.vertices[ids].astype(np.float64)
+            result[self._open, ids] = self.lips.carry_opening(points, of_reference, self._jaw_share[ids], head.mouth)
         for side, eye in self._eyes.items():
             ball = head.balls[side]
             length = self._lash_lengths[side] * ball.radius / eye.ball.radius

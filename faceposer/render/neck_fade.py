@@ -1,5 +1,7 @@
 """Fading of a character's neck at its lower border, instead of a visible edge."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -13,12 +15,25 @@ _FADE_SHARE = 0.66
 # length, as a share of its height.
 _MIN_WIDTH, _MIN_LENGTH = 0.25, 0.05
 
-#: Plane for a character without a fade: all is above it.
-NO_FADE = (0.0, 0.0, 0.0, 1.0)
+
+class NeckFade(NamedTuple):
+    """The fade of a neck.
+
+    Attributes:
+        plane: (a, b, c, d), for which ax + by + cz + d is 0 at the neck's border and 1 where the fade ends.
+        cut: Middle of the border, x, y, z, and the greatest distance of its points from there.
+    """
+
+    plane: tuple[float, float, float, float]
+    cut: tuple[float, float, float, float]
 
 
-def neck_fade(character: Character) -> tuple[float, float, float, float]:
-    """Return the plane (a, b, c, d) of the fade: ax + by + cz + d is 0 at the neck's border and 1 where the fade ends.
+#: A character without a fade: all is above the plane.
+NO_FADE = NeckFade((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0))
+
+
+def neck_fade(character: Character) -> NeckFade:
+    """Return the fade of the character's neck.
 
     The border is the lowest open border of the skin. Without a neck region and a border well below the chin, there is
     no fade.
@@ -35,7 +50,9 @@ def neck_fade(character: Character) -> tuple[float, float, float, float]:
     if np.ptp(border[:, 0]) < _MIN_WIDTH * (high[0] - low[0]) or length < _MIN_LENGTH * (high[1] - low[1]):
         return NO_FADE
     a, b, c = (normal / length).tolist()
-    return (a, b, c, float(-(normal @ middle) / length))
+    x, y, z = middle.tolist()
+    radius = float(np.linalg.norm(border - middle, axis=1).max())
+    return NeckFade((a, b, c, float(-(normal @ middle) / length)), (x, y, z, radius))
 
 
 def _lowest_border(character: Character) -> NDArray[np.float64] | None:

@@ -212,7 +212,8 @@ class Renderer:
             self._set_camera(program, camera)
             set_uniform(program, "viewport", size)
         set_uniform(self._surface, "blended", fades)
-        set_uniform(self._surface, "neck", self._neck)
+        set_uniform(self._surface, "neck", self._neck.plane)
+        set_uniform(self._surface, "neck_cut", self._neck.cut)
         set_uniform(self._surface, "mouth", _mouth_opening(buffers.character))
         if fades:
             # A depth pass first, so that only the nearest surface is blended.

@@ -26,6 +26,8 @@ from scripts.identity_building.targets import HeadTargets
 
 #: Share of the range of a pair of details, from no change to its end, that counts as one standard deviation.
 _DETAIL_DEVIATION = 0.12
+#: Distance from the contact of the lips over which they are held together, in centimetres.
+_LIP_REACH = 0.45
 #: Deviation of what the modes do not explain along each of them, in the unit of the length of a whole head.
 _UNEXPLAINED = 4.0
 #: Details that belong to the weight of a head, which the macro targets change little.
@@ -69,6 +71,40 @@ def variation(person: Floats, details: dict[str, Floats], modes: Floats) -> Floa
     """
     kept = [offsets for name, offsets in details.items() if name not in (*_WEIGHT_DETAILS, *_LEFT_OUT)]
     return np.concatenate([modes, 0.5 * person, _DETAIL_DEVIATION * np.stack(kept)])
+
+
+def without_opening_lips(offsets: Floats, place: Floats, contact: Ints) -> Floats:
+    """Return ``offsets`` (..., C, 3) of a head in which the lips stay together along their contact.
+
+    Each lip moves by half of what would open them, less with the distance from the contact, as lips of characters do.
+    The function is linear, so that it holds for offsets of either sign.
+
+    Args:
+        offsets: Offsets of control vertices.
+        place: The head, whose lips are closed, shape (C, 3).
+        contact: The closed loop of vertices along which the lips touch.
+    """
+    loop = np.roll(contact, -int(place[contact, 0].argmax()))
+    end = int(place[loop, 0].argmin())
+    lower, upper = sorted(
+        (loop[: end + 1][::-1], np.append(loop[end:], loop[0])), key=lambda half: place[half, 1].mean()
+    )
+    x, ends = place[:, 0], (place[loop, 0].min(), place[loop, 0].max())
+    # Differences of the heights at each place of the loop, as weights of its vertices.
+    weights = np.zeros((len(loop), len(place)))
+    for sign, half in ((1.0, upper), (-1.0, lower)):
+        for vertex in half:
+            weights[:, vertex] += sign * np.interp(x[loop], x[half], (half == vertex).astype(np.float64))
+    gap = offsets[..., 1] @ weights.T
+    away, nearest = cKDTree(place[loop]).query(place)
+    middle = np.interp(
+        np.clip(x, *ends), x[upper], 0.5 * (place[upper, 1] + np.interp(x[upper], x[lower], place[lower, 1]))
+    )
+    towards = np.where(place[:, 1] > middle, -0.5, 0.5)
+    towards[upper[1:-1]], towards[lower[1:-1]] = -0.5, 0.5
+    result = offsets.copy()
+    result[..., 1] += gap[..., nearest] * (towards * np.exp(-((away / _LIP_REACH) ** 2)))
+    return result
 
 
 def person_functionals(place: Floats, person: Floats, modes: Floats) -> Floats:
@@ -151,7 +187,8 @@ def build_attributes(builder: Builder, model: IdentityModel) -> tuple[dict[str, 
     details = targets.details()
     person = person_directions(targets, details)
     modes = np.stack([targets.even(mode.ravel()) for mode in model.basis])
-    factor = variation(person, details, modes)
+    factor = variation(person, details, modes).reshape(-1, c, 3)
+    factor = without_opening_lips(factor, model.mean_vertices, skin.lip_contact).reshape(len(factor), -1)
     smoothing = skin.fine.matrix[:c]
 
     def points(rows: Floats) -> Floats:

@@ -14,10 +14,9 @@ from faceposer.identity.identity import Identity
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.model.character_file import load_character
-from faceposer.model.contact.measure import KINDS
 from scripts.identity_building.learning import Learning
 from scripts.identity_study.rows import row
-from scripts.study_heads import study
+from scripts.study_heads import MEASURED, study
 
 Array = NDArray[np.float64]
 
@@ -156,7 +155,7 @@ def head_rows(n: int) -> Iterator[dict[str, Any]]:
         "n": n,
         "poses": sum(each["poses"] for each in found),
         "blink_gap_mm_max": round(max(each["blink_gap_mm"] for each in found), 4),
-        **{f"{kind}_mm_max": round(max(each["deepest_mm"][kind] for each in found), 4) for kind in KINDS},
-        "poses_over": {kind: sum(each["over"][kind] for each in found) for kind in KINDS},
+        **{f"{kind}_mm_max": round(max(each["deepest_mm"][kind] for each in found), 4) for kind in MEASURED},
+        "poses_over": {kind: sum(each["over"][kind] for each in found) for kind in MEASURED},
         "seconds": round((time.perf_counter() - began) / n, 2),
     }

@@ -1,5 +1,6 @@
 """Attributes of heads are measured truthfully, and set without changing the others."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from faceposer.identity.attributes import (
     load_attributes,
 )
 from faceposer.identity.companion_file import read_companion, save_companion
+from faceposer.identity.head import HeadMaker
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.model.character_file import load_character
@@ -84,6 +86,20 @@ def test_by_default_attributes_of_the_face_nearly_keep_the_others(
             if other.name != name
         ]
         assert 0.001 < max(shares) < 0.1
+
+
+def test_attributes_of_the_mouth_keep_the_others_when_lips_are_closed(
+    model: IdentityModel, attributes: HeadAttributes
+) -> None:
+    lips = HeadMaker.shipped().lips
+    for seed in (604, 605, 610):
+        head = model.instance(model.sample(seed)[0])
+        before = attributes.measure(lips.close_lips(head))
+        for name, value in product(("chin-height", "lower-lip", "jaw-height"), (-1.0, 1.0)):
+            after = attributes.measure(lips.close_lips(attributes.changed(head, {name: value})))
+            for other in attributes.attributes:
+                share = abs(after[other.name] - before[other.name]) / (other.limits[1] - other.limits[0])
+                assert other.name == name or share < 0.1, (seed, name, value, other.name)
 
 
 def test_attributes_of_the_person_change_the_face_and_keep_each_other(

@@ -114,6 +114,36 @@ def test_open_lips_are_closed_and_the_folded_ends_of_closed_ones_stay(man: Chara
     assert after.max() < 0.1
 
 
+def test_back_teeth_rise_with_upturned_corners_and_stay_rigid_on_the_jaw(man: Character) -> None:
+    heads, maker = load_identity_model(), HeadMaker.shipped()
+    assert maker.head(man.vertices[:N_SKIN]).mouth.rise == 0.0
+    made = maker.head(heads.instance(heads.sample(2)[0]))
+    assert made.mouth.rise > 0.2
+    upper, lower = (slice(*man.part(f"teeth_{jaw}").vertices) for jaw in ("upper", "lower"))
+    change = made.vertices - made.mouth.scale * man.vertices
+    back = man.vertices[:, 2] - man.vertices[upper, 2].max() < -2.0
+    for teeth in (upper, lower):
+        rise = change[teeth][back[teeth], 1].mean() - change[teeth][~back[teeth], 1].mean()
+        assert rise > 0.3 * made.mouth.rise, "both rows rise, so that they still meet"
+    opened = made.vertices[lower] + maker.shapes(made)[man.shape_names.index("jawOpen"), lower]
+    pairs = np.random.default_rng(0).integers(0, len(opened), (2, 200))
+    lengths = [np.linalg.norm(points[pairs[0]] - points[pairs[1]], axis=1) for points in (made.vertices[lower], opened)]
+    np.testing.assert_allclose(lengths[1], lengths[0], atol=2e-3)
+
+
+def test_the_lining_of_the_mouth_stays_inside_the_skin(man: Character) -> None:
+    heads, lips = load_identity_model(), HeadMaker.shipped().lips
+    skin = lips.close_lips(heads.instance(heads.sample(15)[0]))
+    assert lips.lining.depth(skin).min() < 0.0, "the fold below the lip is deep"
+    made = character_of(skin, name="fifteen", title="Fifteen")
+    rest = made.vertices[:N_SKIN].astype(float)
+    assert lips.lining.depth(rest).min() > 0.15
+    pucker = {"mouthPucker": 1.0, "mouthFunnel": 0.5, "jawForward": 0.3}
+    rows = [man.shape_names.index(name) for name in pucker]
+    posed = rest + np.tensordot(list(pucker.values()), made.shapes[rows, :N_SKIN].astype(float), 1)
+    assert lips.lining.depth(posed).min() > 0.05
+
+
 def test_eyeballs_are_between_the_lids(random_head: Character) -> None:
     points = random_head.feature_points
     for side, upper, lower in (("left", "3.1", "3.3"), ("right", "3.2", "3.4")):

@@ -33,6 +33,13 @@ GRIN = {
 }
 
 
+def test_lids_meet_beside_a_far_corner_of_the_eye(woman: FaceModel) -> None:
+    mean, _ = woman.mixture.moments()
+    pose = mean + 1.5 * (woman.mixture.draws(300, np.random.default_rng(5))[140] - mean)
+    assert penetration_mm(woman, woman.instance(pose))["lid_lid"] > 1.0
+    assert penetration_mm(woman, woman.surface(pose))["lid_lid"] < 0.05
+
+
 @pytest.mark.parametrize("name", ["man", "woman", "low", "creature"])
 def test_the_neutral_face_stays_bit_by_bit(name: str) -> None:
     character = load_character(name)

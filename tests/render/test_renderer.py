@@ -151,6 +151,16 @@ def test_the_cut_of_the_neck_is_an_edge_from_no_side(model: FaceModel, angles: t
     assert np.median(found) < 40
 
 
+def test_a_fold_of_the_lips_seen_from_below_is_opaque(model: FaceModel) -> None:
+    character = model.character
+    raised = {"mouthSmileLeft": 1.0, "mouthUpperUpLeft": 1.0, "mouthStretchLeft": 0.6, "jawOpen": 0.1}
+    weights = np.array([raised.get(name, 0.0) for name in character.shape_names])
+    vertices = model.contact.apply((character.vertices + np.tensordot(weights, character.shapes, 1)).astype(np.float32))
+    lip = vertices[character.regions["mouth"]].mean(axis=0) + [1.2, 0.0, 0.0]
+    camera = OrbitView(tuple(lip.tolist()), 0.4, -0.4, distance=12.0).camera((160, 120))
+    assert (render_character(character, vertices, camera, transparent=True)[..., 3] == 255).all()
+
+
 def test_missing_textures_are_replaced_by_plain_colours() -> None:
     vertices = np.array([[-5, -5, 0], [5, -5, 0], [0, 5, 0]])
     character = plain_character(vertices, [[0, 1, 2]])

@@ -12,11 +12,11 @@ from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.scans.head_from_scans import shipped_basis
 from faceposer.identity.template import head_template
 from faceposer.model.character_file import load_character
-from faceposer.model.contact.measure import KINDS
 from scripts.identity_study import model_rows
 from scripts.identity_study.eos_fit import EosFit
 from scripts.identity_study.rows import row
 from scripts.identity_study.sampling import vertex_errors, with_hair
+from scripts.study_heads import MEASURED
 
 
 def test_a_row_has_the_means_over_heads() -> None:
@@ -58,12 +58,12 @@ def test_what_is_to_stay() -> None:
 def test_the_worst_of_random_heads_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def study(skin: np.ndarray, draws: int, seed: int) -> dict[str, object]:
         assert skin.shape == (head_template().n_skin, 3)
-        depths = dict.fromkeys(KINDS, 0.01 * (seed + 1))
+        depths = dict.fromkeys(MEASURED, 0.01 * (seed + 1))
         return {
             "blink_gap_mm": 0.1 * seed,
             "poses": 5,
             "deepest_mm": depths,
-            "over": dict.fromkeys(KINDS, seed),
+            "over": dict.fromkeys(MEASURED, seed),
         }
 
     monkeypatch.setattr(model_rows, "study", study)

@@ -30,6 +30,8 @@ _RIM = 0.3
 _TURN_START, _TURN_MARGIN = 0.003, 0.012
 # Largest gap between the last vertex of an edge and a corner of the eye in which the edge is known, in radians.
 _LARGEST_GAP = np.deg2rad(8.0)
+# Distance from that vertex up to which it is known next to a larger gap, in radians.
+_BEYOND = np.deg2rad(2.5)
 #: Spacing of the control points that spread pushes, in radians.
 SPACING = 0.2
 
@@ -158,7 +160,7 @@ class _Lids:
         curves = edges.curves(character.vertices, ball.centre)
         starts, ends = zip(*(_known_range(curve.azimuth) for curve in curves), strict=True)
         first, last = max(starts), min(ends)
-        on_edge = (azimuth > first) & (azimuth < last) & (ball.clearance(points)[0] >= 0.0)
+        on_edge = (azimuth >= first) & (azimuth <= last) & (ball.clearance(points)[0] >= 0.0)
         along, up = outward * azimuth / SPACING, elevation / SPACING
         rims, allowed, spreadings = [], [], []
         for number, (distance, share) in enumerate(zip(distances, (upper, 1.0 - upper), strict=True)):
@@ -202,9 +204,9 @@ def _azimuth(character: Character, ball: Eyeball, ids: Ids) -> Array:
 
 def _known_range(azimuth: Array) -> tuple[float, float]:
     """Return the range of azimuths in which an edge with points at ascending ``azimuth``, (n,), is known."""
-    first = 1 if azimuth[1] - azimuth[0] > _LARGEST_GAP else 0
-    last = -2 if azimuth[-1] - azimuth[-2] > _LARGEST_GAP else -1
-    return float(azimuth[first]), float(azimuth[last])
+    first = azimuth[1] - _BEYOND if azimuth[1] - azimuth[0] > _LARGEST_GAP else azimuth[0]
+    last = azimuth[-2] + _BEYOND if azimuth[-1] - azimuth[-2] > _LARGEST_GAP else azimuth[-1]
+    return float(first), float(last)
 
 
 def _lashes(character: Character, ball: Eyeball, edges: LidEdges | None) -> list[tuple[Ids, bool]]:
