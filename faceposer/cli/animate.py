@@ -8,7 +8,6 @@ from faceposer.cli.arguments import (
     add_contact_option,
     add_rate_option,
     add_spread,
-    number,
     number_between,
     output_path,
 )
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 NAME = "animate"
 #: Suffixes of trajectories; everything else may be a film.
 TRAJECTORY_SUFFIXES = (".csv", ".json", ".c3d", ".trc")
-# Longest film in seconds of which a part can be named.
-_LONGEST = 1e6
 _PRIORS = ("regions", "whole", "plain")
 
 
@@ -196,7 +193,11 @@ def _weight(text: str) -> float:
 
 def _seconds(text: str) -> float:
     """Parse ``text`` as a time: seconds, or hours and minutes before them, separated by colons."""
-    parts = [number(part) for part in text.split(":")]
-    if len(parts) > 3 or not all(0.0 <= part <= _LONGEST for part in parts):
-        raise argparse.ArgumentTypeError(f"'{text}' is no time in seconds such as 12.5, nor one such as 1:02.5")
-    return sum(part * 60.0**power for power, part in enumerate(reversed(parts)))
+    from faceposer.film.film import seconds_of
+
+    try:
+        return seconds_of(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no time in seconds such as 12.5, nor one such as 1:02.5"
+        ) from None

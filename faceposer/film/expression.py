@@ -17,7 +17,7 @@ from faceposer.errors import counted
 from faceposer.film.film import Film, Span, check_span, open_film
 from faceposer.film.following import FollowedHead, follow_head
 from faceposer.film.person import Person, find_person
-from faceposer.film.tracking import Track, track_face
+from faceposer.film.tracking import Track, Watch, track_face
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.photo.automatic import check_takes, pose_of_weights
@@ -59,6 +59,7 @@ def expression_of_film(
     smoothness: float = 1.0,
     colours: bool = True,
     progress: Progress | None = None,
+    watch: Watch | None = None,
 ) -> FilmExpression:
     """Return the expressions of the face in the film ``path`` on the character of ``model``.
 
@@ -70,6 +71,7 @@ def expression_of_film(
         smoothness: Weight of changes of velocity, at least 0.
         colours: Follow the colours of the face, too, which is slower and better than its landmarks alone.
         progress: Progress to update.
+        watch: Called with each frame and the face in it, as it is found.
 
     Raises:
         FacePoserError: If the film cannot be read, or shows no face that can be followed; or if the character has none
@@ -80,7 +82,7 @@ def expression_of_film(
     check_takes(model, "faces in films", "animate it by trajectories instead")
     film, span = open_film(path, rate), span or Span()
     check_span(film, span)
-    track = track_face(film, span, progress)
+    track = track_face(film, span, progress, *([watch] if watch else []))
     person = find_person(film, span, track, colours, progress)
     head = follow_head(film, span, track, person, smoothness=smoothness, progress=progress)
     weights = head.poses @ person.model.subspace.directions.T

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.numbers import plain_float
 from faceposer.files.reading import open_file
 from faceposer.files.sample_rates import nearest_known
 
@@ -20,6 +21,8 @@ FILM_SUFFIXES = (
 )
 #: Most frames of which a motion is made, and the fastest rate.
 MOST_FRAMES, FASTEST = 10_000, 240.0
+#: Largest time in a film, in seconds.
+LONGEST_SECONDS = 1e6
 #: Most pixels of a frame: 8K.
 MOST_PIXELS = 8192 * 4608
 # Share by which the mean rate of a film may differ from that of cameras for which it is taken.
@@ -103,6 +106,21 @@ class Film(Protocol):
             FacePoserError: If a frame cannot be read.
         """
         ...
+
+
+def seconds_of(text: str) -> float:
+    """Return the time ``text`` in seconds: seconds, or hours and minutes before them, separated by colons.
+
+    Raises:
+        ValueError: If it is no such time.
+    """
+    try:
+        parts = [plain_float(part.strip()) for part in text.split(":")]
+    except ValueError:
+        raise ValueError(text) from None
+    if len(parts) > 3 or not all(0.0 <= part <= LONGEST_SECONDS for part in parts):
+        raise ValueError(text)
+    return sum(part * 60.0**power for power, part in enumerate(reversed(parts)))
 
 
 def is_film(path: Path) -> bool:

@@ -1,5 +1,6 @@
 """The face in each frame of a film: found in the first one, followed to the next ones, found again when it is lost."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,9 @@ _THOROUGH, _FORGOTTEN = 12, 30
 _NEAR, _LARGER = 0.7, 1.7
 # Least height of another person's face, as a share of that which is followed.
 _OTHER = 0.4
+
+
+Watch = Callable[[FilmFrame, Landmarks | None], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,21 +56,31 @@ class Track:
         return np.array([face is not None for face in self.faces])
 
 
+def _no_watch(_frame: FilmFrame, _face: Landmarks | None) -> None:
+    pass
+
+
 class _LargerNeeded(Exception):
     """The face is small in reduced frames."""
 
 
-def track_face(film: Film, span: Span, progress: Progress | None = None) -> Track:
+def track_face(film: Film, span: Span, progress: Progress | None = None, watch: Watch = _no_watch) -> Track:
     """Return the largest face of the longest shot in a part of ``film``.
+
+    Args:
+        film: The film.
+        span: The part.
+        progress: Progress to update.
+        watch: Called with each frame and the face in it, or None.
 
     Raises:
         FacePoserError: If no face is found, or it is too small, or there are too many frames.
     """
     progress = progress or Progress()
     try:
-        track = _Tracker(film, span, _SIDE, progress).track()
+        track = _Tracker(film, span, _SIDE, progress, watch).track()
     except _LargerNeeded:
-        track = _Tracker(film, span, _LARGER_SIDE, progress).track()
+        track = _Tracker(film, span, _LARGER_SIDE, progress, watch).track()
     heights = [_height(face) for face in track.faces if face is not None]
     factor = max(film.size) / max(track.size)
     if float(np.median(heights)) < _LEAST:
@@ -80,8 +94,8 @@ def track_face(film: Film, span: Span, progress: Progress | None = None) -> Trac
 class _Tracker:
     """Follows the face through the frames of a part."""
 
-    def __init__(self, film: Film, span: Span, side: int, progress: Progress) -> None:
-        self._film, self._span, self._side, self._progress = film, span, side, progress
+    def __init__(self, film: Film, span: Span, side: int, progress: Progress, watch: Watch) -> None:
+        self._film, self._span, self._side, self._progress, self._watch = film, span, side, progress, watch
         self._numbers: list[int] = []
         self._changes: list[float] = []
         self._faces: list[Landmarks | None] = []
@@ -110,6 +124,7 @@ class _Tracker:
             self._numbers.append(frame.number)
             self._changes.append(changed)
             self._faces.append(self._face_in(frame))
+            self._watch(frame, self._faces[-1])
         if not self._numbers:
             raise FacePoserError(f"The film '{film.path}' has no frames in this part; choose another part.")
         return self._longest()
