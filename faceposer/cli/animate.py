@@ -198,6 +198,4 @@ def _seconds(text: str) -> float:
     try:
         return seconds_of(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is no time in seconds such as 12.5, nor one such as 1:02.5"
-        ) from None
+        raise argparse.ArgumentTypeError(f"'{text}' is no time in seconds such as 12.5, nor 1:02.5") from None

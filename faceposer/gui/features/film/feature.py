@@ -193,7 +193,7 @@ class FilmFeature(Feature):
         try:
             times = [seconds_of(text) if text.strip() else None for text in (self.start, self.end)]
         except ValueError as error:
-            self.error = f"'{error}' is no time in seconds such as 12.5, nor one such as 1:02.5."
+            self.error = f"'{error}' is no time in seconds such as 12.5, nor 1:02.5."
             return
         span = Span(times[0] or 0.0, times[1])
         if span.end is not None and span.end <= span.start:

@@ -1,4 +1,4 @@
-"""Small pictures of a film's frames: of the one that is read, for the dialog, and of all, to be shown beside the face."""
+"""Small pictures of the frames of a film: for the dialog, and to be shown beside the face."""
 
 import io
 
