@@ -23,6 +23,8 @@ _WINDOW, _OVERLAP = 600, 60
 # logarithm of its scale.
 _CHANGES = np.array([0.012, 0.012, 0.012, 0.06, 0.06, 0.004])
 _USUAL_RATE = 30.0
+# Weight of changes of velocity at smoothness 1, relative to that of ``animation.terms``.
+_SMOOTHNESS = 0.3
 # Precision of the place of a head that is not seen, relative to its usual changes.
 _UNSEEN = 1e-3
 
@@ -131,6 +133,7 @@ def _smoothed(
     between = np.stack([np.interp(frames, known, column[known]) for column in unknowns.T], axis=1)
     if smoothness <= 0.0:
         return between
+    smoothness *= _SMOOTHNESS
     r = unknowns.shape[1] - N_PLACE
     metric = np.zeros((r + N_PLACE, r + N_PLACE))
     metric[:r, :r] = 0.5 * smoothness_metric(person.model, smoothness, rate)

@@ -214,7 +214,7 @@ class ColourSettings:
     height: float = 200.0
     blur: float = 1.5
     steps: int = 3
-    weight: float = 0.1
+    weight: float = 0.2
     n_samples: int = 1500
     damping: float = 0.01
 

@@ -33,8 +33,8 @@ _GOOD, _CANDIDATES = 5, 40
 _TURN, _OPENING = 0.25, 0.12
 # Standard deviation of the logarithm of the focal length once it is known from all good frames.
 _SHARED_FOCAL = 0.02
-# Standard deviation of landmarks, in centimetres, apart from their constant errors.
-_DEVIATION = 0.45
+# Standard deviation of landmarks, in centimetres, apart from their constant errors: alone, and beside colours.
+_DEVIATION, _BESIDE_COLOURS = 0.45, 0.7
 # Points on the lips, and on top of the face and the chin, whose distances tell an open mouth.
 _LIPS, _BROW_CHIN = (13, 14), (10, 152)
 
@@ -114,7 +114,7 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
     points = basis.landmarks_of(model, places)
     prior = ExpressionPrior.of(model)
     skin = None if samples is None or texture is None else _skin_of(samples, model, texture)
-    errors = _errors_of(photos, points, prior, places)
+    errors = _errors_of(photos, points, prior, places, _DEVIATION if skin is None else _BESIDE_COLOURS)
     middle = fit.state.views[0].camera.middle
     return Person(model, points, prior, skin, errors, shared, middle, tuple(good))
 
@@ -173,9 +173,9 @@ def _skin_of(samples: SkinSamples, model: FaceModel, texture: Array) -> SkinSamp
 
 
 def _errors_of(
-    photos: Sequence[PhotoFace], points: FacePoints, prior: ExpressionPrior, places: FacePlaces
+    photos: Sequence[PhotoFace], points: FacePoints, prior: ExpressionPrior, places: FacePlaces, deviation: float
 ) -> LandmarkErrors:
-    """Return the errors of the landmarks: of one face, the networks err alike in all frames."""
+    """Return the errors of the landmarks: of one face, the networks err alike in all frames, but for a ``deviation``."""
     shifts = []
     for photo in photos:
         fit = fit_points([photo], points, prior, places)
@@ -184,4 +184,4 @@ def _errors_of(
         shifts.append(off @ upright(photo.landmarks) / math.exp(view.camera.log_scale))
     # A landmark is the place on the face plus its error; `LandmarkErrors` are added to the places.
     mean = np.median(shifts, axis=0) * len(shifts) / (len(shifts) + 1.0)
-    return replace(LandmarkErrors.plain(_DEVIATION), mean=mean)
+    return replace(LandmarkErrors.plain(deviation), mean=mean)

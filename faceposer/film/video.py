@@ -17,7 +17,7 @@ _MISSING = "Films need PyAV, which is not installed; install it with pip install
 # Playlists, which may name other files and addresses, are not among them.
 _CONTAINERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,asf,flv,live_flv,ogg,mxf,dv,h264,hevc,m4v,mpegvideo,"
-    "gif,apng,ivf,av1,obu,y4m,yuv4mpegpipe,nut,rm,swf,wtv"
+    "gif,apng,ivf,av1,obu,y4m,yuv4mpegpipe,nut,rm,swf,wtv,wav,mp3,aac,flac"
 )
 _OPTIONS = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "none"}
 # Threads of a decoder, each of which keeps frames.
