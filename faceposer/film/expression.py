@@ -79,7 +79,7 @@ def expression_of_film(
         CancelledError: If the progress was cancelled.
     """
     begun = time.perf_counter()
-    check_takes(model, "faces in films", "animate it by trajectories instead")
+    check_takes(model, "films", "animate it by trajectories instead")
     film, span = open_film(path, rate), span or Span()
     check_span(film, span)
     track = track_face(film, span, progress, *([watch] if watch else []))

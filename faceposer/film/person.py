@@ -175,7 +175,7 @@ def _skin_of(samples: SkinSamples, model: FaceModel, texture: Array) -> SkinSamp
 def _errors_of(
     photos: Sequence[PhotoFace], points: FacePoints, prior: ExpressionPrior, places: FacePlaces, deviation: float
 ) -> LandmarkErrors:
-    """Return the errors of the landmarks: of one face, the networks err alike in all frames, but for a ``deviation``."""
+    """Return the errors of the landmarks: the networks err alike in all frames of a face, but for a ``deviation``."""
     shifts = []
     for photo in photos:
         fit = fit_points([photo], points, prior, places)

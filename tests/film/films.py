@@ -9,6 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from faceposer.geometry.camera import OrbitView
+from faceposer.landmarks.drawing import draw
+from faceposer.landmarks.painting import painted_character
+from faceposer.model.face_model import FaceModel
 from tests.landmarks.photos import astronaut, grace_hopper
 
 Pixels = NDArray[np.uint8]
@@ -22,6 +26,16 @@ def still_face(count: int, side: int = 200, shift: float = 1.5) -> list[Pixels]:
         half = 105.0 - 0.8 * k
         x, y = 222.0 + shift * k, 118.0
         frames.append(_crop(image, (x - half, y - half, x + half, y + half), side))
+    return frames
+
+
+def speaking_face(model: FaceModel, jaw: Sequence[float], side: int = 240) -> list[Pixels]:
+    """Return frames of the character of ``model``, whose head turns and whose jaw is open by the weights ``jaw``."""
+    frames = []
+    for k, weight in enumerate(jaw):
+        surface = model.surface(model.coefficients_of({"jawOpen": weight}))
+        view = OrbitView((0.0, 1.0, 2.0), -0.15 + 0.3 * k / max(len(jaw) - 1, 1), 0.0)
+        frames.append(draw(painted_character(model.character, surface), view.camera((side, side))).image)
     return frames
 
 

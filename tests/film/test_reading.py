@@ -69,7 +69,8 @@ def test_films_of_phones_are_turned_upright(tmp_path: Path) -> None:
     frame = next(iter(film.frames(Span(), 64)))
     # The left half, turned clockwise, is the upper one.
     assert frame.pixels.shape == (64, 48, 3)
-    assert frame.pixels[:28].mean() < 20 < 30 < frame.pixels[36:].mean()
+    assert frame.pixels[:28].mean() < 20
+    assert frame.pixels[36:].mean() > 30
 
 
 def test_frames_at_uneven_times_are_put_on_frames_of_the_film(tmp_path: Path) -> None:
@@ -130,20 +131,16 @@ def test_damage_in_the_middle_is_named(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[len(data) // 2 : len(data) // 2 + 4000] = b"\xff" * 4000
     path.write_bytes(data)
-    try:
-        numbers = [frame.number for frame in open_film(path).frames(Span(), 160)]
-    except FacePoserError as error:
-        assert "is damaged at frame" in str(error)
-        assert "--to" in str(error)
-    else:
-        # What the container can skip is missing.
-        assert len(numbers) < 24
+    with pytest.raises(
+        FacePoserError, match=r"'.*a\.mkv' is damaged at frame \d+ \(\d\.\d\d s\); end before it with --to"
+    ):
+        list(open_film(path).frames(Span(), 160))
 
 
 def test_sizes_are_checked_before_memory_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = encode(tmp_path / "a.mp4", steps(), 10)
     monkeypatch.setattr(films, "MOST_FRAMES", 4)
-    with pytest.raises(FacePoserError, match=r"has 6 frames, and at most 4 are used, 0 seconds; choose a part with --f"):
+    with pytest.raises(FacePoserError, match=r"has 6 frames, and at most 4 are used, 0 seconds; choose a part"):
         check_span(open_film(path), Span())
     check_span(open_film(path), Span(0.2))
     monkeypatch.setattr(films, "MOST_PIXELS", 1000)

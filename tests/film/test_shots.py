@@ -1,5 +1,7 @@
 """Cuts are found; flashes, pans and noise are none."""
 
+import itertools
+
 import numpy as np
 
 from faceposer.film.shots import Shot, change, shots_of, thumbnail
@@ -8,7 +10,7 @@ from tests.film.films import Pixels, nobody
 
 def shots(frames: list[Pixels]) -> list[Shot]:
     small = [thumbnail(frame) for frame in frames]
-    changes = [0.0, *(change(before, now) for before, now in zip(small, small[1:], strict=False))]
+    changes = [0.0, *(change(before, now) for before, now in itertools.pairwise(small))]
     return shots_of(range(10, 10 + len(frames)), changes)
 
 
