@@ -249,6 +249,7 @@ class FilmFeature(Feature):
         session, found = self.context.session, result.found
         self._shown = _Shown(stills, found.first, session, keyframes.length, keyframes.rate)
         self.visible = True
+        self.context.dismiss_guide()
         self.context.notify(f"Opened {film.path.name}: {counted(len(keyframes.keys), 'key')}")
 
     # The film beside the face

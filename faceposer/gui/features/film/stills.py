@@ -42,8 +42,11 @@ class Stills:
         picture = np.array(small)
         if face is not None:
             places = np.floor(face.points[:, :2] * (size[0] / width)).astype(int)
-            inside = ((places >= 0) & (places < size)).all(axis=1)
-            picture[places[inside, 1], places[inside, 0]] = _GREEN
+            # Dots of two by two pixels.
+            for corner in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                dots = places + corner
+                inside = ((dots >= 0) & (dots < size)).all(axis=1)
+                picture[dots[inside, 1], dots[inside, 0]] = _GREEN
         self.preview = picture
 
     def at(self, number: int) -> Pixels | None:
