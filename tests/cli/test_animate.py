@@ -146,9 +146,7 @@ def test_a_film_becomes_an_animation_with_session_and_report(
     words = ("--landmarks-only", "--rate", "25", "--session", session, "--report", report)
     assert run("animate", "man", frames_folder, *words, "-o", out, "--from", "0:00", "--to", "0.32") == 0
     said = capsys.readouterr()
-    assert re.search(
-        r"o\.csv written: 8 frames at 25 fps, landmarks [0-4]\.\d px off the person's head, in \d+ s", said.out
-    )
+    assert re.search(r"o\.csv written: 8 frames at 25 fps, landmarks [0-4]\.\d px off the person's head", said.out)
     assert said.err == ""
     assert len(out.read_text().splitlines()) == 9
     measured = json.loads(report.read_text())

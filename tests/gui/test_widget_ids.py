@@ -450,7 +450,7 @@ def visit_head_making(robot: Robot, folder: Path) -> None:
 
 
 def visit_film(robot: Robot, folder: Path) -> None:
-    """Show the pages of the dialog of films: the form with an error, the work with its picture, and the choice of keys."""
+    """Show the pages of the dialog of films: the form with an error, the work with a picture, the choice of keys."""
     image = Image.new("RGB", (40, 40))
     image.save(folder / "film.gif", save_all=True, append_images=[Image.new("RGB", (40, 40), (9, 9, 9))], duration=100)
     feature = robot.app.features[FilmFeature]
