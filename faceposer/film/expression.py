@@ -90,6 +90,8 @@ def expression_of_film(
     report = _report(film, track, person, head)
     report["seconds"] = round(time.perf_counter() - begun, 2)
     notes = (*film.notes, *_notes(film, track, head))
+    if colours and person.skin is None:
+        notes = (*notes, "Colours did not improve the head; landmarks alone are followed.")
     return FilmExpression(Performance(poses, film.rate), film, head.first, track, notes, report)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.animation.smoothing import smooth_poses
 from faceposer.animation.terms import smoothness_metric
+from faceposer.errors import FacePoserError
 from faceposer.film.film import Film, Span
 from faceposer.film.frame_fit import N_PLACE, ColourSettings, FrameFit, FrameQuadratic, Placing
 from faceposer.film.person import Person
@@ -75,7 +76,7 @@ def follow_head(
         progress: Progress to update.
 
     Raises:
-        FacePoserError: If a frame cannot be read.
+        FacePoserError: If a frame cannot be read, or the face is always turned too far.
     """
     progress = progress or Progress()
     settings = settings or ColourSettings()
@@ -113,6 +114,11 @@ def follow_head(
         unknowns[k] = now = fit.unknowns
         misses[k] = float(fit.misses().mean())
         seen[k], lost = True, False
+    if not seen.any():
+        raise FacePoserError(
+            f"The face in '{film.path}' is turned by more than {np.degrees(MOST_YAW):.0f} degrees in all frames; use a "
+            "film in which it is seen more from the front."
+        )
     progress.at("Smoothing all frames")
     smooth = _smoothed(unknowns, seen, energies, person, smoothness, film.rate, progress)
     return FollowedHead(first, smooth[:, :r], smooth[:, r:], placing, seen, misses)

@@ -1,6 +1,7 @@
 """Films without a video codec: folders of pictures, and animated GIFs."""
 
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -119,7 +120,10 @@ class _Opened:
         except OSError as error:
             raise FacePoserError(f"The film '{self._path}' cannot be read: {error.strerror}.") from error
         try:
-            return open_image(self._file)
+            with warnings.catch_warnings():
+                # Pillow's warning has another limit than ours.
+                warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+                return open_image(self._file)
         except BaseException as error:
             self._file.close()
             raise self._damaged(error) from error

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+import faceposer
 from faceposer.errors import FacePoserError
 from faceposer.film import person
 from faceposer.film.expression import FilmExpression, expression_of_film
@@ -135,3 +136,14 @@ def test_the_work_can_be_cancelled(frames_folder: Path, man: FaceModel) -> None:
     with pytest.raises(CancelledError):
         landmarks_of_film(frames_folder, man, progress=Progress(lambda stage, _: seen.append(stage), cancelled))
     assert seen[0] == "Finding the face"
+
+
+def test_python_follows_films_and_warns_of_what_was_assumed(frames_folder: Path) -> None:
+    face = faceposer.load("man")
+    with pytest.warns(faceposer.FacePoserWarning, match=r"speaking.*30 frames per second were assumed"):
+        performance = face.follow_film(frames_folder, end=0.15, colours=False)
+    assert (len(performance), performance.rate) == (4, 30.0)
+    face.play(performance)
+    assert face.performance is not None
+    with pytest.raises(faceposer.FacePoserError, match=r"The end of the part, 1 s, is not after its start, 2 s"):
+        face.follow_film(frames_folder, start=2.0, end=1.0)
