@@ -62,7 +62,7 @@ _MODULES = {
     "geometry/texture_images.py": "images",
     "gui/features/film/stills.py": "images, in memory",
     "gui/features/keys/feature.py": "key poses, by session/key_edits.py",
-    "gui/features/poses/feature.py": "poses, by poses/library.py",
+    "gui/features/poses/commands.py": "poses, by poses/library.py",
     "gui/session_files.py": "sessions",
     "identity/companion_file.py": "checked here",
     "identity/eye_colour.py": "images",

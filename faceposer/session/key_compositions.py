@@ -13,7 +13,7 @@ from faceposer.geometry.obj_io import ObjWriter
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of
-from faceposer.poses.pose_file import read_pose, write_pose
+from faceposer.poses.pose_file import LONGEST_NAME, read_pose, write_pose
 from faceposer.progress import Progress
 from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFiles, KeyFolder, Side
 from faceposer.session.keys import key_displacements
@@ -142,6 +142,7 @@ def _compose(
 ) -> None:
     """Write the combinations of the emotional and verbal keys ``names`` on both sides, in place of ``earlier`` ones."""
     expressions, visemes = names
+    titles = {entry.name: _title(entry) for entry in entries}
     done, total = 0, len(expressions) * len(visemes)
     for side in ("source", "target"):
         face = _Face(folder, side, entries)
@@ -159,9 +160,16 @@ def _compose(
             for viseme in visemes:
                 progress.check()
                 moved = composed(face.moved[expression], face.moved[viseme], alpha, meeting, face.height)
-                face.write(f"{expression}+{viseme}", f"{expression} + {viseme}"[:80], moved, inverse)
+                title = f"{titles[expression]} + {titles[viseme]}"[:LONGEST_NAME]
+                face.write(f"{expression}+{viseme}", title, moved, inverse)
                 done += 1
                 progress.at("Composing keys", done / (2 * total))
+
+
+def _title(entry: KeyFiles) -> str:
+    """Return the title of a key: the name of the source's pose, or of the files of a mesh."""
+    path = entry.source
+    return read_pose(path).name if path is not None and path.suffix.lower() == ".json" else entry.name
 
 
 def folder_importance(folder: KeyFolder, side: Side) -> tuple[Importance, Character]:
@@ -205,10 +213,10 @@ def importance_picture(character: Character, values: list[Array], size: int = 48
     """Return the face of ``character`` with each of the ``values``, (N,) from 0 to 1, as brightness, side by side."""
     from faceposer.landmarks.drawing import draw
     from faceposer.landmarks.painting import painted_character
-    from faceposer.poses.portrait import portrait_view
+    from faceposer.model.framing import face_view
 
     bare = replace(character, textures={})
-    camera = portrait_view(character).camera((size, size))
+    camera = face_view(character).camera((size, size))
     pictures = []
     for value in values:
         mesh = painted_character(bare)

@@ -12,16 +12,17 @@ from faceposer.files import paths
 from faceposer.files.atomic import atomic_file
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.face_model import FaceModel
-from faceposer.poses.applying import pose_of
+from faceposer.poses.applying import applied, pose_of
 from faceposer.poses.library import safe_stem
-from faceposer.poses.pose_file import Pose, checked_name, write_pose
+from faceposer.poses.pose_file import Pose, write_pose
 from faceposer.poses.pose_file import read_pose as read_pose_file
 from faceposer.progress import Progress
 from faceposer.session.file_kinds import kind_of
-from faceposer.session.key_folder import SIDES, KeyFolder, Side
+from faceposer.session.key_folder import SIDES, KeyFolder, KeyTakenError, Side, checked_key_name
 from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
-from faceposer.session.keys import key_displacements, load_keys
+from faceposer.session.keys import key_displacements, key_pose, load_keys
 from faceposer.session.opening import load_model, open_session
+from faceposer.transfer.examples import same_expression
 from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
 
 Array = NDArray[np.float64]
@@ -51,7 +52,10 @@ def add_key(
         FacePoserError: If a file cannot be used, or the name is taken.
     """
     model = load_model(folder.character("source"))
-    pose, note = _pose_in(source, model, checked_name(name), frame)
+    checked = checked_key_name(name)
+    _check_free(folder, checked, replaces)
+    pose, note = _pose_in(source, model, checked, frame)
+    _check_new(folder, model, pose)
     if target is None:
         if folder.is_mesh:
             raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give --target FILE.")
@@ -71,6 +75,27 @@ def add_key(
     return folder.add(pose, answer, replaces), note
 
 
+def _check_free(folder: KeyFolder, name: str, replaces: bool) -> None:
+    """Check that a key of this name can be added, before the work is done."""
+    stem = safe_stem(name)
+    if not replaces and stem in {entry.name for entry in folder.entries()}:
+        raise KeyTakenError(folder.folder, stem)
+
+
+def _check_new(folder: KeyFolder, model: FaceModel, pose: Pose) -> None:
+    """Check that no other key, nor the neutral face, is the same expression of the source."""
+    own, coefficients = safe_stem(pose.name), applied(model, model.neutral(), pose)
+    others = {entry.name: entry.source for entry in folder.entries() if entry.source is not None and entry.name != own}
+    known = {"neutral": model.neutral()} if "neutral" not in (own, *others) else {}
+    known |= {name: key_pose(path, model)[0] for name, path in others.items()}
+    same = next((name for name, key in known.items() if same_expression(model, key, coefficients, folder.points)), None)
+    if same is not None:
+        raise FacePoserError(
+            f"The key '{pose.name}' is the same expression of the source as '{same}' at all feature points; give "
+            "another pose."
+        )
+
+
 def add_key_pose(
     folder: KeyFolder, pose: Pose, replaces: bool = False, proposal: Proposal = "auto", progress: Progress | None = None
 ) -> str:
@@ -81,9 +106,7 @@ def add_key_pose(
     Raises:
         FacePoserError: If the name is taken and ``replaces`` is False, or a file cannot be written.
     """
-    name = safe_stem(checked_name(pose.name))
-    if not replaces and name in {entry.name for entry in folder.entries()}:
-        raise FacePoserError(f"'{folder.folder}' already has a key '{name}'; choose another name, or replace it.")
+    _check_free(folder, checked_key_name(pose.name), replaces)
     answer = None
     if not folder.is_mesh:
         model, target = load_model(folder.character("source")), load_model(folder.character("target"))
@@ -158,7 +181,7 @@ def _pose_in(path: Path, model: FaceModel, name: str, frame: int) -> tuple[Pose,
             session.wait()
             if session.model.character.name != model.character.name:
                 raise FacePoserError(
-                    f"The session '{path}' is of '{session.model.character.name}', not of '{model.character.name}'; "
+                    f"The session '{path}' is of {session.model.character.label}, not of {model.character.label}; "
                     "give a pose of this character."
                 )
             return pose_of(model, session.coefficients, name), session.remark

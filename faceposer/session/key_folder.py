@@ -5,8 +5,10 @@ meshes (.obj, .ply); files of the same name are a pair.
 """
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,7 +23,7 @@ from faceposer.poses.library import safe_stem
 from faceposer.poses.pose_file import Pose, checked_name, read_pose, write_pose
 from faceposer.session.document import absolute_character, portable_character
 from faceposer.transfer.examples import MOST_KEYS
-from faceposer.transfer.key_parameters import THRESHOLD, Regions
+from faceposer.transfer.key_parameters import Regions
 
 FORMAT, VERSION = "faceposer.keys", 1
 #: Name of the file that describes a folder of keys.
@@ -41,9 +43,28 @@ class _KeysFile(JsonDocument):
     target: _Name
     regions: Regions = "whole"
     points: Annotated[tuple[_Name, ...], Meta(min_length=1, max_length=200)] | None = None
-    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] = THRESHOLD
+    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] | None = None
     expressions: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
     visemes: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
+
+
+class KeyTakenError(FacePoserError):
+    """The name of a new key is taken."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.taken = f"'{folder}' already has a key '{name}'"
+        super().__init__(f"{self.taken}; choose another name, or replace it.")
+
+
+def checked_key_name(name: str) -> str:
+    """Return ``name`` if it can be the name of a key.
+
+    Raises:
+        FacePoserError: If it is a path, not a single line, or too long.
+    """
+    if re.search(r"[/\\]", name) or name.strip() in (".", ".."):
+        raise FacePoserError(f"The name of a key cannot be a path such as '{name}'; give a name such as 'Happiness'.")
+    return checked_name(name)
 
 
 @dataclass(frozen=True)
@@ -73,7 +94,7 @@ class KeyFolder:
         points: Feature points of the source that give the parameters; None for all.
         expressions: Names of the emotional keys, beside the poses with the tag "expression".
         visemes: Names of the verbal keys, beside the poses with the tag "viseme".
-        threshold: Share of the largest variance of the keys below which directions are dropped.
+        threshold: Share of the largest variance of the keys below which directions are dropped; None to damp them.
     """
 
     folder: Path
@@ -83,7 +104,7 @@ class KeyFolder:
     points: tuple[str, ...] | None = None
     expressions: tuple[str, ...] = ()
     visemes: tuple[str, ...] = ()
-    threshold: float = THRESHOLD
+    threshold: float | None = None
 
     @classmethod
     def read(cls, folder: Path) -> "KeyFolder":
@@ -128,7 +149,7 @@ class KeyFolder:
         data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "source": self.source, "target": self.target}
         if self.regions != "whole":
             data["regions"] = self.regions
-        if self.threshold != THRESHOLD:
+        if self.threshold is not None:
             data["threshold"] = self.threshold
         for name in ("points", "expressions", "visemes"):
             if getattr(self, name):
@@ -230,10 +251,10 @@ class KeyFolder:
         Raises:
             FacePoserError: If the name is taken and ``replace`` is False, or a file cannot be written.
         """
-        name = safe_stem(checked_name(source.name))
+        name = safe_stem(checked_key_name(source.name))
         if name in {entry.name for entry in self.entries()}:
             if not replace:
-                raise FacePoserError(f"'{self.folder}' already has a key '{name}'; choose another name, or replace it.")
+                raise KeyTakenError(self.folder, name)
             self.remove(name)
         write_pose(self.folder / "source" / f"{name}.json", source, durable)
         if target is not None:
@@ -248,8 +269,9 @@ class KeyFolder:
         """
         entry = next((entry for entry in self.entries() if entry.name == name), None)
         if entry is None:
-            names = ", ".join(entry.name for entry in self.entries()[:24])
-            raise FacePoserError(f"'{self.folder}' has no key '{name}'; its keys are {names or 'none'}.")
+            near = get_close_matches(name, [entry.name for entry in self.entries()], 1)
+            help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
+            raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
         for path in (entry.source, entry.target):
             try:
                 if path is not None:

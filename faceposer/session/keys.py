@@ -1,5 +1,6 @@
 """Transfer by the key poses of a folder."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.geometry.mesh import first_unusable
-from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES, read_mesh
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied
@@ -127,7 +128,7 @@ def _targets(folder: KeyFolder, files: list[KeyFiles], form: Form) -> tuple[list
         if error > _EXACT:
             errors[entry.name] = error
     if form == "meshes" or (form == "auto" and errors):
-        return *_meshes(model.character, model, files, f"character '{model.character.name}'"), {}
+        return *_meshes(model.character, model, files, f"character {model.character.label}"), {}
     return found, model, errors
 
 
@@ -191,12 +192,22 @@ def check_characters(folder: KeyFolder, source: FaceModel, target: str) -> None:
     expected = load_model(folder.character("source"))
     if expected is not source and expected.character.name != source.character.name:
         raise FacePoserError(
-            f"The keys in '{folder.folder}' are of '{expected.character.name}', but the source is "
-            f"'{source.character.name}'; give keys of this character."
+            f"The keys in '{folder.folder}' are of {expected.character.label}, but the source is "
+            f"{source.character.label}; give keys of this character."
         )
     own = folder.character("target")
     same = paths.same_file(own, target) if folder.is_mesh or Path(target).suffix else own == target
     if not same:
         raise FacePoserError(
-            f"The keys in '{folder.folder}' are for '{folder.target}', not for '{target}'; give keys of this character."
+            f"The keys in '{folder.folder}' are for {_label(own)}, not for {_label(target)}; give keys of this "
+            "character."
         )
+
+
+def _label(character: str) -> str:
+    """Return the label of the character with this name or file, or the file of a mesh or of one that is missing."""
+    if Path(character).suffix.lower() in POSED_MESH_SUFFIXES:
+        return f"'{character}'"
+    with suppress(FacePoserError):
+        return load_model(character).character.label
+    return f"'{character}'"

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel
+from faceposer.transfer.key_damping import chosen_damping
 from faceposer.transfer.key_parameters import (
-    THRESHOLD,
+    ROUNDING,
     Regions,
     feature_matrix,
     grouped,
@@ -63,6 +64,7 @@ class RegionClone:
         rows: Displacements of its feature points per coefficient of the source, shape (3 n, r).
         places: Displacements of its feature points in each key from the base, shape (K, 3 n), the base first.
         matrix: Parameters per displacement, F, shape (n', 3 n).
+        covered: The part of it that counts more than half, shape (n'', 3 n); the rest is damped.
         weights: Weights of the keys.
         targets: Displacements of the keys on the target from its base, confined to the region, shape (K, r').
         members: Index of the key of each of the source's keys, shape (M,); keys that do not differ here share one.
@@ -72,6 +74,7 @@ class RegionClone:
     rows: Array
     places: Array
     matrix: Array
+    covered: Array
     weights: KeyWeights
     targets: Array
     members: NDArray[np.intp]
@@ -95,7 +98,7 @@ class ExampleTransfer:
         pairs: Sequence[KeyPair],
         points: Sequence[str] | None = None,
         regions: Regions = "whole",
-        threshold: float = THRESHOLD,
+        threshold: float | None = None,
     ) -> None:
         """Place the keys in the parameter space and solve for their weights.
 
@@ -105,7 +108,8 @@ class ExampleTransfer:
             pairs: The keys.
             points: Names of the source's feature points that give the parameters; None for all that move.
             regions: "whole" as in the paper; "halves" or "parts" to clone regions of the face separately.
-            threshold: Share of the largest variance of the keys below which directions are dropped.
+            threshold: Share of the largest variance of the keys below which directions are dropped, as in the paper;
+                None to damp small ones as cross-validation over the keys finds best.
 
         Raises:
             FacePoserError: If there is no key, too many, two of one expression, or one that is no face.
@@ -138,7 +142,7 @@ class ExampleTransfer:
 
     def _check_distinct(self, sources: Array, names: Sequence[str]) -> None:
         places = sources @ point_rows(self.source, self.points).T
-        least = _SAME * self.source.character.height * np.sqrt(len(self.points))
+        least = _least_apart(self.source, self.points)
         for first, place in enumerate(places[:-1]):
             gaps = np.linalg.norm(places[first + 1 :] - place, axis=1)
             if not gaps.min() > least:
@@ -169,12 +173,31 @@ class ExampleTransfer:
         return tuple(moved @ region.rows.T for region in self.regions)
 
 
+def same_expression(model: FaceModel, one: Array, other: Array, points: Sequence[str] | None = None) -> bool:
+    """Return True if two poses, (r,) each, cannot be told apart at the feature points, so that they cannot be two keys.
+
+    Args:
+        model: The face.
+        one: Coefficients of a pose.
+        other: Coefficients of another pose.
+        points: Names of its feature points; None for all that move.
+    """
+    names = parameter_points(model.character, points)
+    gap = np.linalg.norm(point_rows(model, names) @ (np.asarray(one) - other))
+    return not gap > _least_apart(model, names)
+
+
+def _least_apart(model: FaceModel, names: Sequence[str]) -> float:
+    """Return the distance of the feature points ``names``, all together, below which two keys are the same."""
+    return float(_SAME * model.character.height * np.sqrt(len(names)))
+
+
 def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
     for side, coefficients, model in (("source", pair.source, source), ("target", pair.target, target)):
         if coefficients.shape != (model.n_coefficients,):
             raise FacePoserError(
                 f"The {side} of the key '{pair.name}' has {coefficients.size} coefficients, but the character "
-                f"'{model.character.name}' has {model.n_coefficients}; take the key from this character."
+                f"{model.character.label} has {model.n_coefficients}; take the key from this character."
             )
         # Comparisons with NaN are False.
         if (
@@ -182,7 +205,7 @@ def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
             < _FARTHEST * model.character.height
         ):
             raise FacePoserError(
-                f"The {side} of the key '{pair.name}' is no face: a vertex of '{model.character.name}' moves by more "
+                f"The {side} of the key '{pair.name}' is no face: a vertex of {model.character.label} moves by more "
                 f"than {_FARTHEST:g} times the height of the head; correct its weights."
             )
 
@@ -192,7 +215,9 @@ def _moves(source: FaceModel, sources: Array, names: Sequence[str]) -> bool:
     return bool(np.abs(sources @ point_rows(source, names).T).max() > _SAME * source.character.height)
 
 
-def _clone(name: str, rows: Array, sources: Array, targets: Array, threshold: float, merges: bool) -> RegionClone:
+def _clone(
+    name: str, rows: Array, sources: Array, targets: Array, threshold: float | None, merges: bool
+) -> RegionClone:
     places = sources @ rows.T
     members = np.arange(len(places), dtype=np.intp)
     if merges:
@@ -201,14 +226,17 @@ def _clone(name: str, rows: Array, sources: Array, targets: Array, threshold: fl
         # The base keeps its place, and its target: what does not move stays exactly neutral.
         places = np.array([places[0] if group[0] == 0 else places[group].mean(axis=0) for group in leaders])
         targets = np.array([targets[0] if group[0] == 0 else targets[group].mean(axis=0) for group in leaders])
-    matrix = feature_matrix(places, threshold)
+    matrix = feature_matrix(places, ROUNDING if threshold is None else threshold)
+    parameters = places @ matrix.T
+    damping = chosen_damping(parameters, targets) if threshold is None else 0.0
+    covered = feature_matrix(places, damping) if threshold is None else matrix
     try:
-        weights = KeyWeights(places @ matrix.T)
+        weights = KeyWeights(parameters, damping)
     except ValueError as error:
         raise FacePoserError(
             "Two keys are nearly the same expression of the source; remove one of them, or use more feature points."
         ) from error
-    return RegionClone(name, rows, places, matrix, weights, targets, members)
+    return RegionClone(name, rows, places, matrix, covered, weights, targets, members)
 
 
 def _merged(places: Array) -> NDArray[np.intp]:

@@ -23,6 +23,9 @@ OUTSIDE, STRONG = 0.005, 3.0
 _ROUND = 16
 # Residuals below this share of the motion are rounding errors.
 _NOTHING = 1e-12
+# Share of the motion that is missed, in squares, below which keys are spread over the frames instead; distance of a
+# frame from its nearest key, as a share of the height of the head, below which it needs no key.
+_COVERED, _NEAR = 1e-4, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +132,10 @@ def chosen_frames(
 ) -> list[HelpfulFrame]:
     """Return up to ``count`` of the source's ``poses``, (m, r), as further keys, the best first.
 
-    The choice is made in rounds, since keys determine the directions in which they count. Without a key, it begins with
-    the frame that is farthest from the neutral face.
+    The first ones are those that add most to the combinations of keys. They are chosen in rounds, since keys determine
+    the directions in which they count, and begin with the frame that is farthest from the neutral face if there is no
+    key. When the combinations have nearly all of the motion, each further one is the frame that is farthest from all
+    keys, since between keys the target does what is no combination of them.
 
     Args:
         source: The face that plays.
@@ -147,25 +152,49 @@ def chosen_frames(
         first = int(np.argmax(((poses @ point_rows(source, names).T) ** 2).sum(axis=1)))
         present.append(poses[first])
         chosen.append(HelpfulFrame(first, 1.0))
-    while len(chosen) < count:
+    covered = False
+    while len(chosen) < count and not covered:
         pairs = [KeyPair(str(i), key, key) for i, key in enumerate(present)]
         transfer = ExampleTransfer(source, source, pairs, points, regions)
         if len(chosen) == 1 and not len(keys):
             chosen = [HelpfulFrame(chosen[0].frame, coverage(transfer, poses).missed)]
         taken = [helpful.frame for helpful in chosen]
         found = helpful_frames(transfer, poses, min(_ROUND, count - len(chosen)), taken)
-        if not found:
+        enough = next((i for i, helpful in enumerate(found) if helpful.missed < _COVERED), len(found))
+        covered = enough < _ROUND
+        chosen += found[: enough + 1]
+        present += [poses[helpful.frame] for helpful in found[: enough + 1]]
+    return chosen + _far_frames(source, np.array(present), poses, count - len(chosen), points)
+
+
+def _far_frames(
+    source: FaceModel, keys: Array, poses: Array, count: int, points: Sequence[str] | None
+) -> list[HelpfulFrame]:
+    """Return up to ``count`` of the ``poses``, (m, r), each the farthest from ``keys``, (K, r), and those before."""
+    rows = point_rows(source, parameter_points(source.character, points))
+    moved = poses @ rows.T
+    total = float((moved**2).sum())
+    places = np.vstack([np.zeros(moved.shape[1]), keys @ rows.T])
+    distances = np.min([np.linalg.norm(moved - place, axis=1) for place in places], axis=0)
+    least = _NEAR * source.character.height * np.sqrt(moved.shape[1] / 3.0)
+    axes = np.linalg.svd(places, full_matrices=False)[2]
+    missed = moved - (moved @ axes.T) @ axes
+    found: list[HelpfulFrame] = []
+    while len(found) < count:
+        best = int(np.argmax(distances))
+        if distances[best] < least:
             break
-        chosen += found
-        present += [poses[helpful.frame] for helpful in found]
-    return chosen
+        distances = np.minimum(distances, np.linalg.norm(moved - moved[best], axis=1))
+        missed = _without(missed, missed[best])
+        found.append(HelpfulFrame(best, float((missed**2).sum()) / total))
+    return found
 
 
 def _residuals(transfer: ExampleTransfer, moved: tuple[Array, ...]) -> list[Array]:
     """Return what no combination of keys has of the displacements ``moved`` of each region."""
     residuals = []
     for region, block in zip(transfer.regions, moved, strict=True):
-        residuals.append(block - (block @ region.matrix.T) @ region.matrix)
+        residuals.append(block - (block @ region.covered.T) @ region.covered)
     return residuals
 
 

@@ -13,6 +13,7 @@ from faceposer.progress import CancelledError, Progress
 from faceposer.session.key_compositions import compose_keys
 from faceposer.session.key_edits import add_key_pose, propose_again, save_key
 from faceposer.session.key_folder import KeyFolder
+from faceposer.session.key_kinds import set_kind
 from faceposer.session.key_proposals import PROPOSED, create_keys
 from faceposer.session.key_set import read_key_set, stamp_of
 from faceposer.session.opening import load_model
@@ -159,3 +160,25 @@ def test_a_target_without_shapes_has_its_keys_as_shapes(folder: Path, tmp_path: 
         assert np.linalg.norm(moved[100 * i]) == pytest.approx(np.sqrt(3.0), abs=0.01)
     with pytest.raises(FacePoserError, match="is a mesh"):
         save_key(keys, names[0], "target", model, model.neutral())
+
+
+def test_keys_change_their_kind(folder: Path) -> None:
+    keys = KeyFolder.read(folder)
+    assert keys.kinds()["anger"] == "expression"
+    set_kind(keys, "anger", "viseme")
+    assert keys.kinds()["anger"] == "viseme"
+    set_kind(keys, "anger", "")
+    assert "anger" not in keys.kinds()
+    set_kind(keys, "anger", "expression")
+    assert keys.kinds()["anger"] == "expression"
+    # Meshes have no tags: the description of the folder names them.
+    for side, name in (("source", "low"), ("target", "creature")):
+        character = load_model(name).character
+        (folder / side / "anger.json").unlink()
+        write_obj(folder / side / "anger.obj", character.vertices, character.polygons)
+    set_kind(keys, "anger", "viseme")
+    assert KeyFolder.read(folder).visemes == ("anger",)
+    set_kind(KeyFolder.read(folder), "anger", "")
+    assert KeyFolder.read(folder).visemes == ()
+    with pytest.raises(FacePoserError, match="has no key 'joy' any more"):
+        set_kind(keys, "joy", "viseme")

@@ -1,6 +1,6 @@
 """The strip of key poses in the window."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
@@ -31,7 +31,7 @@ class KeysFeature(KeyCommands, Feature):
     @property
     def is_modal(self) -> bool:
         """True while a dialog is shown."""
-        return self.creation.open or self.importance.open or self.work.busy
+        return self.creation.open or self.adding.open or self.importance.open or self.work.busy
 
     @property
     def blocks_files(self) -> bool:
@@ -46,6 +46,10 @@ class KeysFeature(KeyCommands, Feature):
         return Question(
             "Cancel the work and quit?", "Key poses are being written.", (Choice("Quit"), Choice("Continue")), default=1
         )
+
+    def leave(self, proceed: Callable[[], None]) -> bool:
+        """Ask about the edited key and the session that was put aside for it."""
+        return self.editing.leave(proceed)
 
     @property
     def strip_height(self) -> float:
@@ -92,6 +96,7 @@ class KeysFeature(KeyCommands, Feature):
             self.work.draw()
             return
         self.creation.draw()
+        self.adding.draw()
         self.importance.draw()
 
     def close(self) -> None:
