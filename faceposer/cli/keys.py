@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from faceposer.transfer.examples import ExampleTransfer
 
 NAME = "keys"
-_MOST_KEYS = 400
 
 
 def add_parser(commands: Any) -> None:
@@ -119,9 +118,11 @@ def _add_proposal(parser: argparse.ArgumentParser) -> None:
 
 
 def _count(text: str) -> int:
-    count = whole_number(text, 1, _MOST_KEYS)
+    from faceposer.transfer.examples import MOST_KEYS
+
+    count = whole_number(text, 1, MOST_KEYS)
     if count is None:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {_MOST_KEYS}")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {MOST_KEYS}")
     return count
 
 
@@ -233,6 +234,10 @@ def _compose(options: argparse.Namespace) -> int:
         f"{options.folder}: {counted(report.composed, 'key')} composed of {report.expressions} emotional and "
         f"{report.visemes} verbal ones; {report.keys} with the neutral face"
     )
+    if report.kept:
+        print(
+            f"{counted(report.kept, 'combination')} kept as you changed them; remove one before you compose it again."
+        )
     return 0
 
 

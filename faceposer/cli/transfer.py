@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from faceposer.model.face_model import FaceModel
     from faceposer.model.performance import Performance
     from faceposer.session.document import Document
+    from faceposer.transfer.source_heads import HeadTransfer
     from faceposer.transfer.transfer import Transfer
 
 NAME = "transfer"
@@ -170,11 +171,12 @@ def _check_method(options: argparse.Namespace) -> None:
         raise FacePoserError("--keys and --regions apply to the method 'examples' only; add --method examples.")
 
 
-def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[Transfer, FaceModel]":
+def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[HeadTransfer, FaceModel]":
     """Return the transfer by the keys of the folder, and the model of its results."""
     from faceposer.cli.opening import print_notes
     from faceposer.session.key_folder import KeyFolder
     from faceposer.session.keys import check_characters, load_keys
+    from faceposer.transfer.source_heads import HeadTransfer
 
     keys = KeyFolder.read(options.keys)
     check_characters(keys, source, options.target)
@@ -185,19 +187,19 @@ def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[Tra
             "output that ends in .obj, .ply, .glb, .png, .gif or .mp4."
         )
     # Sessions and weights are of the character's own shapes.
-    loaded = load_keys(keys, "weights" if suffix in (".json", ".csv") else "auto", options.regions, source)
+    loaded = load_keys(keys, "weights" if suffix in (".json", ".csv") else "auto", options.regions)
     print_notes(options.keys, loaded.notes)
-    return loaded.transfer, loaded.transfer.target
+    return HeadTransfer(loaded.transfer, source), loaded.transfer.target
 
 
 def _tell_reach(keys: Path, transfer: "Transfer", performance: "Performance") -> None:
     """Print a note if frames are far outside the keys."""
     from faceposer.cli.opening import print_notes
-    from faceposer.transfer.examples import ExampleTransfer
     from faceposer.transfer.key_coverage import coverage
+    from faceposer.transfer.source_heads import HeadTransfer
 
-    assert isinstance(transfer, ExampleTransfer)
-    reach = coverage(transfer, performance.coefficients)
+    assert isinstance(transfer, HeadTransfer)
+    reach = coverage(transfer.keys, transfer.converted(performance.coefficients))
     if reach.missed > _MUCH_MISSED or reach.strengths.max() > _STRONG:
         worst = int(reach.distances.argmax())
         where = f" in frame {worst}" if len(performance) > 1 else ""

@@ -86,6 +86,7 @@ class ExampleTransfer:
     The neutral faces, or the pair "neutral", are always a key.
 
     Attributes:
+        base: The neutral faces, or the pair "neutral".
         pairs: The keys without the base.
         points: Feature points of the source in use.
         regions: What is known of each region.
@@ -115,19 +116,19 @@ class ExampleTransfer:
             FacePoserError: If there is no key, too many, two of one expression, or one that is no face.
         """
         self.source, self.target = source, target
-        self._base = KeyPair(NEUTRAL, source.neutral(), target.neutral())
+        self.base = KeyPair(NEUTRAL, source.neutral(), target.neutral())
         for pair in pairs:
             _check_key(pair, source, target)
-        self._base = next((pair for pair in pairs if pair.name.casefold() == NEUTRAL), self._base)
+        self.base = next((pair for pair in pairs if pair.name.casefold() == NEUTRAL), self.base)
         self.pairs = tuple(pair for pair in pairs if pair.name.casefold() != NEUTRAL)
         if not self.pairs:
             raise FacePoserError("Cloning by examples needs a key besides the neutral face; add a pair of poses.")
         if len(self.pairs) >= MOST_KEYS:
             raise FacePoserError(f"There are {len(self.pairs)} keys, more than the maximum of {MOST_KEYS - 1}.")
         self.points = parameter_points(source.character, points)
-        everything = (self._base, *self.pairs)
-        sources = np.array([pair.source for pair in everything]) - self._base.source
-        targets = np.array([pair.target for pair in everything]) - self._base.target
+        everything = (self.base, *self.pairs)
+        sources = np.array([pair.source for pair in everything]) - self.base.source
+        targets = np.array([pair.target for pair in everything]) - self.base.target
         self._check_distinct(sources, [pair.name for pair in everything])
         groups = grouped(self.points, regions)
         if len(groups) == 1:
@@ -142,7 +143,7 @@ class ExampleTransfer:
 
     def _check_distinct(self, sources: Array, names: Sequence[str]) -> None:
         places = sources @ point_rows(self.source, self.points).T
-        least = _least_apart(self.source, self.points)
+        least = least_apart(self.source, self.points)
         for first, place in enumerate(places[:-1]):
             gaps = np.linalg.norm(places[first + 1 :] - place, axis=1)
             if not gaps.min() > least:
@@ -154,13 +155,13 @@ class ExampleTransfer:
 
     def weights(self, poses: Array) -> tuple[Array, ...]:
         """Return the weights of the keys of each region, the base first, for the source's ``poses``, (m, r)."""
-        moved = poses - self._base.source
+        moved = poses - self.base.source
         return tuple(region.weights(moved @ (region.matrix @ region.rows).T) for region in self.regions)
 
     def poses(self, poses: Array) -> Array:
         """Return the target's coefficients, shape (m, r'), for the source's, shape (m, r) (eqs. (9) to (11))."""
         blends = [weights @ region.targets for weights, region in zip(self.weights(poses), self.regions, strict=True)]
-        result: Array = self._base.target + sum(blends)
+        result: Array = self.base.target + sum(blends)
         return result
 
     def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
@@ -169,7 +170,7 @@ class ExampleTransfer:
 
     def displacements(self, poses: Array) -> tuple[Array, ...]:
         """Return the displacements of each region's points from the base, (m, 3 n), for the source's poses, (m, r)."""
-        moved = poses - self._base.source
+        moved = poses - self.base.source
         return tuple(moved @ region.rows.T for region in self.regions)
 
 
@@ -184,10 +185,10 @@ def same_expression(model: FaceModel, one: Array, other: Array, points: Sequence
     """
     names = parameter_points(model.character, points)
     gap = np.linalg.norm(point_rows(model, names) @ (np.asarray(one) - other))
-    return not gap > _least_apart(model, names)
+    return not gap > least_apart(model, names)
 
 
-def _least_apart(model: FaceModel, names: Sequence[str]) -> float:
+def least_apart(model: FaceModel, names: Sequence[str]) -> float:
     """Return the distance of the feature points ``names``, all together, below which two keys are the same."""
     return float(_SAME * model.character.height * np.sqrt(len(names)))
 

@@ -187,3 +187,18 @@ def test_errors_are_sentences(
     assert said in shown
     assert len([line for line in shown.splitlines() if "It has no weights of" not in line]) == 1
     assert not list(tmp_path.glob("o.*"))
+
+
+def test_compose_says_what_it_keeps(tmp_path: Path, poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    keys = tmp_path / "keys"
+    assert run("keys", "init", "low", "low", "-o", keys, "--poses", poses) == 0
+    assert run("keys", "compose", keys) == 0
+    edited = keys / "target" / "joy+open.json"
+    data = json.loads(edited.read_text())
+    edited.write_text(json.dumps(data | {"tags": [], "weights": {"jawOpen": 0.9}}))
+    written = edited.read_bytes()
+    status, said, _ = run_captured(capsys, "keys", "compose", keys)
+    assert status == 0
+    assert "1 key composed of 1 emotional and 2 verbal ones; 6 with the neutral face" in said
+    assert "1 combination kept as you changed them" in said
+    assert edited.read_bytes() == written

@@ -233,10 +233,12 @@ def test_leaving_a_key_for_another_session_asks_about_both(robot: Robot, folder:
 def test_sides_are_replaced_proposed_and_removed_by_the_menu(robot: Robot, folder: Path) -> None:
     pose(robot, jawOpen=0.3, browInnerUp=0.9)
     choose_from_menu(robot, "key:surprise:source", "replace-source")
+    robot.click_widget("choice:0")
     finish(robot)
     assert read_pose(folder / "source" / "surprise.json").weights["jawOpen"] == pytest.approx(0.3, abs=0.05)
     before = clone_of(robot, "surprise")
     choose_from_menu(robot, "key:surprise:target", "propose")
+    robot.click_widget("choice:0")
     finish(robot)
     assert np.abs(clone_of(robot, "surprise") - before).max() > 0.01
     assert PROPOSED in read_pose(folder / "target" / "surprise.json").tags

@@ -10,8 +10,7 @@ from faceposer.gui.widgets.basic import caption, choice, text_field
 from faceposer.gui.widgets.modal import modal, modal_body, modal_buttons, modal_escaped, modal_title
 from faceposer.gui.widgets.sliders import row_label
 from faceposer.poses.library import safe_stem
-from faceposer.poses.pose_file import checked_name
-from faceposer.session.key_folder import EXPRESSION, VISEME
+from faceposer.session.key_folder import EXPRESSION, VISEME, checked_key_name
 
 _WIDTH, _LABEL = 30.0, 5.0
 _KINDS = (EXPRESSION, VISEME, "")
@@ -40,15 +39,21 @@ class AddingDialog:
         self.name = ""
         self.kind = EXPRESSION
         self._taken: Mapping[str, str] = {}
+        self._proposes = True
         self._problem = ""
 
-    def show(self, taken: Mapping[str, str]) -> None:
-        """Open the dialog; ``taken`` has the titles of the present key poses by the names of their files."""
+    def show(self, taken: Mapping[str, str], proposes: bool) -> None:
+        """Open the dialog.
+
+        Args:
+            taken: Titles of the present key poses by the names of their files.
+            proposes: True if the target's pose is proposed; False for meshes without shapes, which are sculpted.
+        """
         self._context.toolbox.finish()
         self._context.slider_edit.let_go()
         free = (f"Key pose {i}" for i in range(1, len(taken) + 2))
         self.name = next(name for name in free if safe_stem(name) not in taken)
-        self.open, self._taken, self._problem = True, taken, ""
+        self.open, self._taken, self._proposes, self._problem = True, taken, proposes, ""
         self._context.redraw()
 
     @property
@@ -85,8 +90,11 @@ class AddingDialog:
             # Two lines are always reserved, so that the dialog does not change its size.
             top = imgui.get_cursor_pos_y()
             text = "The target's pose is proposed, for you to edit."
+            if not self._proposes:
+                text = "Sculpt the target's mesh in another program."
             if replaced is not None:
-                text = f"There is a key pose {replaced} already: both its sides are replaced."
+                sides = "both its sides are" if self._proposes else "its source is"
+                text = f"There is a key pose {replaced} already: {sides} replaced."
             caption(self._problem or text)
             imgui.set_cursor_pos_y(top + 2.0 * imgui.get_text_line_height_with_spacing())
             imgui.dummy((0.0, 0.0))
@@ -104,7 +112,7 @@ class AddingDialog:
 
     def _accept(self, replaces: bool) -> None:
         try:
-            name = checked_name(self.name)
+            name = checked_key_name(self.name)
         except FacePoserError as error:
             self._problem = str(error)
             return

@@ -126,7 +126,8 @@ class KeyCells:
             lines.append("Proposed by a transfer, and not edited yet")
         lines.append(_KIND_NOTES[key.kind])
         if strength is not None:
-            lines.append(f"Weight in the present pose: {strength:.2f}")
+            # Adding 0 makes -0 positive.
+            lines.append(f"Weight in the present pose: {round(strength, 2) + 0.0:.2f}")
         return "\n".join(lines)
 
     def _draw_menu(self, key: ListedKey, one: Side) -> None:

@@ -96,9 +96,9 @@ class KeyCommands:
 
         def created(keys: KeyFolder) -> None:
             self.opened.open(keys.folder)
-            self._created()
 
-        self.work.run("New key poses", "The key poses were not created", work, created)
+        # The dialog that asked for them comes back in any case.
+        self.work.run("New key poses", "The key poses were not created", work, created, self._created)
 
     def set_regions(self, regions: Regions) -> None:
         """Clone ``regions`` of the face separately, in the description of the folder."""
@@ -114,12 +114,6 @@ class KeyCommands:
         keys = () if self.opened.keys is None else self.opened.keys.keys
         chosen = [key for key in keys if not self.kind or key.kind == self.kind]
         return sorted(chosen, key=lambda key: _ORDER.index(key.kind))
-
-    @property
-    def poses_source(self) -> bool:
-        """True if the session poses the source of the keys."""
-        keys = self.opened.keys
-        return keys is not None and keys.is_of("source", self.context.session.model)
 
     def poses_side(self, side: Side) -> bool:
         """Return True if the session poses the character of this side."""
@@ -142,7 +136,7 @@ class KeyCommands:
         """Ask for name and kind, and add the present pose of the source."""
         keys = self.opened.keys
         if keys is not None:
-            self.adding.show({key.name: key.title for key in keys.keys})
+            self.adding.show({key.name: key.title for key in keys.keys}, not keys.folder.is_mesh)
 
     def _add(self, name: str, kind: str, replaces: bool) -> None:
         keys, session = self.opened.keys, self.context.session
@@ -183,20 +177,40 @@ class KeyCommands:
             save_key(keys.folder, key.name, side, session.model, session.coefficients)
             self.context.notify(f"Replaced the {side} of {key.title}")
 
-        self._try(write, "The key pose was not replaced")
-        self.opened.read()
+        def replace() -> None:
+            self._try(write, "The key pose was not replaced")
+            self.opened.read()
+
+        self._ask_to_overwrite(key, side, replace)
 
     def propose(self, key: ListedKey) -> None:
         """Propose the target's pose of ``key`` again."""
         keys = self.opened.keys
-        if keys is not None:
-            folder = keys.folder
+        if keys is None:
+            return
+        folder = keys.folder
+
+        def propose() -> None:
             self.work.run(
                 "Propose key pose",
                 "Nothing was proposed",
                 lambda progress: propose_again(folder, key.name),
                 lambda _: self.context.notify(f"Proposed the target of {key.title}"),
             )
+
+        self._ask_to_overwrite(key, "target", propose)
+
+    def _ask_to_overwrite(self, key: ListedKey, side: Side, proceed: Callable[[], None]) -> None:
+        """Ask before one side of ``key`` is lost, unless there is none, or only a proposal."""
+        path = key.files.source if side == "source" else key.files.target
+        is_mesh = path is not None and path.suffix.lower() != ".json"
+        # Meshes are refused without a question.
+        if path is None or is_mesh or (side == "target" and key.proposed):
+            proceed()
+            return
+        text = "Its present pose is lost. This cannot be undone."
+        choices = (Choice("Replace", proceed), Choice("Cancel"))
+        self.context.dialogs.ask(Question(f"Replace the {side} of {key.title}?", text, choices, default=1))
 
     def ask_to_remove(self, key: ListedKey) -> None:
         """Ask whether to remove ``key``."""
@@ -225,6 +239,7 @@ class KeyCommands:
                 lambda progress: compose_keys(folder, progress=progress),
                 lambda report: self.context.notify(
                     f"Composed {counted(report.composed, 'key pose')}; {report.keys} with the neutral face"
+                    + (f"; kept {report.kept} that you changed" if report.kept else "")
                 ),
             )
 

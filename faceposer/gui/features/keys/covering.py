@@ -13,10 +13,15 @@ from faceposer.gui.features.timeline.track import frames_span
 from faceposer.gui.widgets.basic import disabled, fitted_button
 from faceposer.gui.widgets.theme import ACCENT, FAINT, FIELD, INK, KEYED, WARNING, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
+from faceposer.session.jobs import ThreadJob
 from faceposer.session.key_set import KeySet
 from faceposer.transfer.key_coverage import OUTSIDE, coverage, helpful_frames
 
+# Largest number of weights, frames times keys times regions, that are computed while the window waits, in some 10 ms.
+_AT_ONCE = 100_000
 #: Height of the graph in units of the font size.
 GRAPH = 1.5
 # Least width in pixels of the bar of a frame.
@@ -42,13 +47,28 @@ class Covered:
     left: float
 
 
+def _covered(keys: KeySet, model: FaceModel, performance: Performance, progress: Progress) -> Covered:
+    """Return the coverage of a ``performance`` of ``model``."""
+    assert keys.transfer is not None
+    poses = keys.source_poses(model, performance.coefficients)
+    found = coverage(keys.transfer, poses, progress)
+    helpful = helpful_frames(keys.transfer, poses, 1, progress=progress)
+    best, left = (helpful[0].frame, helpful[0].missed) if helpful else (None, 0.0)
+    limit = OUTSIDE * keys.source_model().character.height
+    return Covered(found.distances, found.missed, limit, best, left)
+
+
 class Covering:
     """Graph and button of the coverage of the animation."""
 
     def __init__(self, context: EditorContext) -> None:
         """Cover the animation of ``context``."""
         self._context = context
-        self._covered: tuple[KeySet, Performance, Covered] | None = None
+        self._covered: tuple[KeySet, Performance, Covered | None] | None = None
+        self._job: ThreadJob[Covered] | None = None
+        self._input: tuple[KeySet, Performance] | None = None
+        # Cancelled jobs, which end soon.
+        self._ending: list[ThreadJob[Covered]] = []
 
     def of_animation(self, keys: KeySet) -> Covered | None:
         """Return the coverage of the animation by ``keys``; None without animation, or if it is of another face."""
@@ -61,18 +81,56 @@ class Covering:
         performance = session.animation.performance
         if performance is None or len(performance) < 2:
             return None
-        if last is None or last[0] is not keys or last[1] is not performance:
-            poses = keys.source_poses(session.model, performance.coefficients)
-            found = coverage(keys.transfer, poses)
-            helpful = helpful_frames(keys.transfer, poses, 1)
-            best, left = (helpful[0].frame, helpful[0].missed) if helpful else (None, 0.0)
-            limit = OUTSIDE * keys.source_model().character.height
-            last = self._covered = (keys, performance, Covered(found.distances, found.missed, limit, best, left))
-        return last[2]
+        if last is not None and last[0] is keys and last[1] is performance:
+            return last[2]
+        model = session.model
+        if len(performance) * len(keys.keys) * len(keys.transfer.regions) <= _AT_ONCE:
+            self._cancel()
+            self._covered = (keys, performance, _covered(keys, model, performance, Progress()))
+            return self._covered[2]
+        if self._input is None or self._input[0] is not keys or self._input[1] is not performance:
+            self._cancel()
+            self._input = (keys, performance)
+            self._job = ThreadJob(lambda progress: _covered(keys, model, performance, progress), self._context.wake)
+        # Until then, that of the animation before the last edit.
+        return None if last is None else last[2]
+
+    @property
+    def busy(self) -> bool:
+        """True while the coverage of a long animation is computed."""
+        return self._job is not None
+
+    def update(self) -> None:
+        """Take the result of the background work.
+
+        Raises:
+            Exception: Its error, except a lack of memory, in which case no coverage is shown.
+        """
+        self._ending = [job for job in self._ending if not job.done]
+        job, given = self._job, self._input
+        if job is None or given is None or not job.done:
+            return
+        self._job = self._input = None
+        self._context.redraw()
+        if job.error is not None and not isinstance(job.error, MemoryError):
+            raise job.error
+        self._covered = (*given, job.result)
 
     def forget(self) -> None:
         """Forget the coverage."""
+        self._cancel()
         self._covered = None
+
+    def _cancel(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+            self._ending.append(self._job)
+        self._job = self._input = None
+
+    def join(self) -> None:
+        """Wait for the end of the background work."""
+        for job in (*self._ending, *(() if self._job is None else (self._job,))):
+            job.join()
 
     def go_to_best(self, keys: KeySet) -> None:
         """Show the frame that would help most as a key."""

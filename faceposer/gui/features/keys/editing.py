@@ -14,6 +14,7 @@ from faceposer.session.key_set import ListedKey
 from faceposer.session.opening import session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
+from faceposer.transfer.source_heads import is_same_rig, on_character
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +84,18 @@ class KeyEditing:
     def _open(self, folder: KeyFolder, key: ListedKey, side: Side) -> None:
         context = self._context
         before = context.session if self.edited is None else self._before
+        keys = self._opened.keys
+        listed = None if keys is None else keys.models[side]
 
         def opening(worker: Worker) -> Session:
             document = Document(folder.character(side))
             session = session_for(document, None, worker)
             pose = key.poses[side]
-            if pose is not None:
+            if pose is not None and listed is not None:
+                # The character may have been made anew since the keys were read.
+                if not is_same_rig(listed, session.model):
+                    raise FacePoserError(f"The character '{document.character}' has changed; try again.")
+                pose = on_character(session.model, listed, pose[None])[0]
                 document = session.document.with_start(pose).posed(pose)
                 session = Session(session.base_model, document, worker)
             return session

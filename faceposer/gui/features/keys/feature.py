@@ -26,7 +26,7 @@ class KeysFeature(KeyCommands, Feature):
         """Seconds for which the loop may sleep."""
         if self.shown and self.faces.waiting and not self.context.toolbox.active:
             return 0.0
-        return 0.1 if self.work.busy or self.opened.reading else super().patience
+        return 0.1 if self.work.busy or self.opened.reading or self.covering.busy else super().patience
 
     @property
     def is_modal(self) -> bool:
@@ -81,10 +81,13 @@ class KeysFeature(KeyCommands, Feature):
         """
         self.opened.update()
         self.work.update()
-        if self.shown:
-            self.opened.read_changes()
-            if not self.context.toolbox.active:
-                self.faces.draw_next()
+        self.covering.update()
+        if not self.shown:
+            self.faces.release()
+            return
+        self.opened.read_changes()
+        if not self.context.toolbox.active:
+            self.faces.draw_next()
 
     def draw_strip(self) -> None:
         """Draw the strip."""
@@ -103,6 +106,7 @@ class KeysFeature(KeyCommands, Feature):
         """Cancel the work and release pictures."""
         self.work.cancel()
         self.opened.close()
+        self.covering.forget()
         self.faces.release()
         self.importance.release()
 
@@ -110,3 +114,4 @@ class KeysFeature(KeyCommands, Feature):
         """Wait until the cancelled work has ended."""
         self.work.join()
         self.opened.join()
+        self.covering.join()

@@ -7,6 +7,7 @@ from faceposer.gui.feature import Feature
 from faceposer.gui.features.transfer.dialog import TransferDialog
 from faceposer.gui.features.transfer.state import TransferState
 from faceposer.session.opening import load_model
+from faceposer.transfer.transfer import make_transfer
 
 
 class TransferFeature(TransferState, Feature):
@@ -51,21 +52,27 @@ class TransferFeature(TransferState, Feature):
             self._dialog.draw()
 
     def update(self) -> None:
-        """Transfer the pose if any input has changed since the last call."""
+        """Transfer the pose if any input has changed since the last call; while the dialog is closed, release it."""
+        if not self.open:
+            self.close()
+            return
         session, opened = self.context.session, self.by_keys.opened
-        if self.open and self.method == "examples":
+        if self.method == "examples":
             opened.read_changes()
         keys = (opened.keys, opened.error, opened.reading) if self.method == "examples" else ()
         inputs = (self.to, self.method, self.pairs, keys, session.revision, id(session))
         if inputs == self._last_input:
             return
         self._last_input = inputs
-        self.error, self.reach, self.result = "", ("", ""), None
+        self.error, self.reach, self.result, self._transfer = "", ("", ""), None, None
         source, pose = session.model, session.coefficients
         try:
             self.target = load_model(self.to)
-            transfer = self._transfer(source, self.target)
-            self.result = None if transfer is None else transfer.pose(pose)
+            if self.method == "examples":
+                self._transfer_by_keys(source, self.target)
+            else:
+                self._transfer = make_transfer(source, self.target, self.method, self.pairs)
+            self.result = None if self._transfer is None else self._transfer.pose(pose)
         except FacePoserError as error:
             self.error = str(error)
         if self.method != "examples":

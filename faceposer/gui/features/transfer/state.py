@@ -14,28 +14,18 @@ from faceposer.model.face_model import FaceModel
 from faceposer.render.scene import Scene
 from faceposer.session.document import Document
 from faceposer.session.key_set import KeySet
+from faceposer.session.keys import check_same_rig
 from faceposer.session.opening import session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 from faceposer.session.transferred import transferred
 from faceposer.transfer.key_coverage import reach_of
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, read_pairs, write_pairs
+from faceposer.transfer.source_heads import HeadTransfer
 from faceposer.transfer.terms import PairPoints
-from faceposer.transfer.transfer import Method, Transfer, make_transfer
+from faceposer.transfer.transfer import Method, Transfer
 
 Array = NDArray[np.float64]
-
-
-class _ByKeys:
-    """Transfer by key poses from the source with any head."""
-
-    def __init__(self, keys: KeySet, source: FaceModel) -> None:
-        self._keys, self._source = keys, source
-
-    def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
-        """Return the target's coefficients, shape (r',), for the source's, shape (r,); ``previous`` is not used."""
-        assert self._keys.transfer is not None
-        return self._keys.transfer.pose(self._keys.source_poses(self._source, coefficients[None])[0])
 
 
 class TransferState:
@@ -71,6 +61,7 @@ class TransferState:
         self.characters: list[tuple[str, str]] = []
         self.lengths: tuple[list[float | None], list[float | None]] = ([], [])
         self._last_input: object = None
+        self._transfer: Transfer | None = None
         self._scenes: tuple[Scene, Scene] | None = None
 
     # The dialog
@@ -177,28 +168,26 @@ class TransferState:
         """The feature with the key poses of the method "examples"."""
         return self.context.feature(KeysFeature)
 
-    def _transfer(self, source: FaceModel, target: FaceModel) -> Transfer | None:
-        """Return the transfer of the chosen method; None while its keys are missing or being read.
+    def _transfer_by_keys(self, source: FaceModel, target: FaceModel) -> None:
+        """Choose the transfer by the keys, unless they are missing or being read.
 
         Raises:
             FacePoserError: If the characters or the keys do not allow it.
         """
-        if self.method != "examples":
-            return make_transfer(source, target, self.method, self.pairs)
         opened = self.by_keys.opened
         if opened.error:
             raise FacePoserError(opened.error)
         keys = opened.keys
         if keys is None:
-            return None
+            return
         self._check_characters(keys, source, target)
         if keys.transfer is None:
             raise FacePoserError(keys.problem)
-        distance, remark = reach_of(
-            keys.transfer, keys.source_poses(source, self.context.session.coefficients[None])[0]
-        )
+        transfer = HeadTransfer(keys.transfer, source)
+        distance, remark = reach_of(keys.transfer, transfer.converted(self.context.session.coefficients[None])[0])
         self.reach = (f"The pose is {10.0 * distance:.1f} mm from the key poses.", remark or keys.notes)
-        return _ByKeys(keys, source)
+        # The target may have been made anew since the keys were read.
+        self._transfer, self.target = transfer, keys.transfer.target
 
     def _check_characters(self, keys: KeySet, source: FaceModel, target: FaceModel) -> None:
         """Check that the key poses are those of the open character and of the chosen target.
@@ -207,6 +196,8 @@ class TransferState:
             FacePoserError: If they are those of others, or the target has no shapes.
         """
         if not keys.is_of("source", source):
+            if keys.source_model().character.name == source.character.name:
+                check_same_rig(keys.folder, keys.source_model(), source)
             expected, title = keys.source_model().character.title, source.character.title
             raise FacePoserError(
                 f"These key poses are of {expected}, not of {title}: open {expected}, or other key poses."
@@ -237,14 +228,13 @@ class TransferState:
 
     def accept(self) -> None:
         """Open the result as a new session, after a question about unsaved changes that leaves the dialog open."""
-        if self.result is None or self.target is None:
+        if self.result is None or self.target is None or self._transfer is None:
             return
         session = self.context.session
-        transfer = self._transfer(session.model, self.target)
-        if transfer is None:
-            return
-        document = transferred(session.document, session.coefficients, transfer, self.to, self.target)
-        self.context.guard_changes(lambda: self._open(document))
+        document = transferred(session.document, session.coefficients, self._transfer, self.to, self.target)
+        # The target may have been made anew since it was shown.
+        versioned = document.with_version_data(self.target)
+        self.context.guard_changes(lambda: self._open(versioned))
 
     def _open(self, document: Document) -> None:
         self.hide()
