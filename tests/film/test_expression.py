@@ -35,8 +35,14 @@ def weights_of(found: FilmExpression, model: FaceModel, name: str) -> NDArray[np
 landmarks_of_film = partial(expression_of_film, colours=False)
 
 
-def test_a_mouth_that_opens_is_followed(frames_folder: Path, man: FaceModel) -> None:
-    found = landmarks_of_film(frames_folder, man, rate=25.0)
+@pytest.fixture(scope="module")
+def followed(frames_folder: Path, man: FaceModel) -> FilmExpression:
+    """The man with the expressions of the woman who opens her mouth, by landmarks."""
+    return landmarks_of_film(frames_folder, man, rate=25.0)
+
+
+def test_a_mouth_that_opens_is_followed(followed: FilmExpression, man: FaceModel) -> None:
+    found = followed
     assert (len(found.performance), found.performance.rate, found.first) == (len(JAW), 25.0, 0)
     jaw = weights_of(found, man, "jawOpen")
     assert np.corrcoef(jaw, JAW)[0, 1] > 0.97
@@ -91,7 +97,7 @@ def test_the_largest_of_several_faces_is_followed(man: FaceModel, tmp_path: Path
 
 
 def test_frames_without_the_face_are_bridged(
-    frames_folder: Path, speaking: list[Pixels], man: FaceModel, tmp_path: Path
+    followed: FilmExpression, speaking: list[Pixels], man: FaceModel, tmp_path: Path
 ) -> None:
     for k, pixels in enumerate(speaking):
         if k != 5:
@@ -100,9 +106,8 @@ def test_frames_without_the_face_are_bridged(
     hidden[90:180, 85:160] = (150, 120, 105)
     Image.fromarray(hidden).save(tmp_path / "5.png")
     found = landmarks_of_film(tmp_path, man, rate=25.0)
-    whole = landmarks_of_film(frames_folder, man, rate=25.0)
     assert any("In 1 of 9 frames the face is not seen" in note for note in found.notes)
-    jaw, expected = weights_of(found, man, "jawOpen"), weights_of(whole, man, "jawOpen")
+    jaw, expected = weights_of(found, man, "jawOpen"), weights_of(followed, man, "jawOpen")
     assert abs(jaw[5] - expected[5]) < 0.15
 
 
@@ -145,5 +150,5 @@ def test_python_follows_films_and_warns_of_what_was_assumed(frames_folder: Path)
     assert (len(performance), performance.rate) == (4, 30.0)
     face.play(performance)
     assert face.performance is not None
-    with pytest.raises(faceposer.FacePoserError, match=r"The end of the part, 1 s, is not after its start, 2 s"):
+    with pytest.raises(FacePoserError, match=r"The end of the part, 1 s, is not after its start, 2 s"):
         face.follow_film(frames_folder, start=2.0, end=1.0)
