@@ -47,6 +47,7 @@ _WRITES = {"write_text", "write_bytes", "savez", "savez_compressed", "save", "sa
 _MODULES = {
     "api/face.py": "sessions, by session/saved_state.py",
     "api/posing.py": "poses, by poses/pose_file.py",
+    "cli/animate.py": "sessions",
     "cli/identity/fit_photo.py": "sessions; reports by files/writing.py",
     "cli/photo.py": "sessions",
     "cli/sketch.py": "sessions; reports by files/writing.py",
@@ -60,6 +61,7 @@ _MODULES = {
     "geometry/obj_io.py": "checked here",
     "geometry/ply_io.py": "checked here",
     "geometry/texture_images.py": "images",
+    "gui/features/film/stills.py": "images, in memory",
     "gui/features/keys/feature.py": "key poses, by session/key_edits.py",
     "gui/features/poses/commands.py": "poses, by poses/library.py",
     "gui/session_files.py": "sessions",

@@ -2,12 +2,12 @@
 
 import contextlib
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from scipy import linalg
 
 from faceposer.progress import Progress
-from faceposer.solve.problem import PoseProblem
 from faceposer.solve.term import Array
 
 _MAX_STEPS = 30
@@ -17,8 +17,20 @@ _MAX_HALVINGS = 12
 _SUFFICIENT = 1e-4
 
 
+class FrameEnergy(Protocol):
+    """The energy of one frame, such as of a ``PoseProblem``."""
+
+    def energy_and_gradient(self, p: Array) -> tuple[float, Array]:
+        """Return E(p) and its gradient, shape (r,), at the unknowns ``p``, shape (r,)."""
+        ...
+
+    def curvature(self, p: Array) -> Array:
+        """Return an estimate of the second derivative of E at ``p``, shape (r, r), positive definite."""
+        ...
+
+
 def smooth_poses(
-    problems: Sequence[PoseProblem],
+    problems: Sequence[FrameEnergy],
     metric: Array,
     poses: Array,
     before: Array,
@@ -30,7 +42,7 @@ def smooth_poses(
     the smoothness, these form a banded matrix, whose Cholesky factorisation costs O(F).
 
     Args:
-        problems: Problems with the energies E_t of the F frames.
+        problems: The energies E_t of the F frames.
         metric: M, shape (r, r).
         poses: Initial poses, shape (F, r).
         before: Fixed poses before the first frame, shape (n, r) with n from 0 to 2.
@@ -79,7 +91,7 @@ def _newton_step(bands: Array, gradient: Array) -> Array:
     return -gradient / mean
 
 
-def _energy(problems: Sequence[PoseProblem], smoothness: "_Smoothness", x: Array) -> float:
+def _energy(problems: Sequence[FrameEnergy], smoothness: "_Smoothness", x: Array) -> float:
     frame_energies = sum(problem.energy_and_gradient(p)[0] for problem, p in zip(problems, x, strict=True))
     return frame_energies + smoothness.value(x)
 

@@ -28,6 +28,7 @@ from faceposer.transfer.transfer import Method, Transfer, make_transfer
 
 _LARGEST_SMOOTHNESS = 1e6
 _LONGEST_TURN = 3600.0
+_LONGEST_FILM = 1e6
 _LOWEST_RATE, _HIGHEST_RATE = 1e-3, 1e3
 
 
@@ -162,6 +163,48 @@ class MotionMixin:
             spread=spread,
             start=document.start,
         )
+
+    def follow_film(
+        self,
+        film: str | PathLike[str],
+        start: float = 0.0,
+        end: float | None = None,
+        smoothness: float = 1.0,
+        colours: bool = True,
+        rate: float | None = None,
+    ) -> Performance:
+        """Return the motion with the expressions of the person in a film (docs/film.md), for ``play``.
+
+        Args:
+            film: A video (needs PyAV, ``pip install 'faceposer[film]'``), an animated GIF, or a folder of pictures.
+            start: Beginning of the part that is used, in seconds.
+            end: Its end in seconds; None for that of the film.
+            smoothness: Weight of changes of velocity.
+            colours: Follow the colours of the face, too; its landmarks alone are faster, and less exact.
+            rate: Frames per second at which the film is sampled; its own if None.
+
+        Warns:
+            FacePoserWarning: About cuts, other faces, frames without the face, and a frame rate that was assumed.
+        """
+        from faceposer.film.expression import expression_of_film
+        from faceposer.film.film import Span
+
+        checks.number(start, 0.0, _LONGEST_FILM, "The start")
+        if end is not None and checks.number(end, 0.0, _LONGEST_FILM, "The end") <= start:
+            raise FacePoserError(f"The end of the part, {end:g} s, is not after its start, {start:g} s.")
+        checks.number(smoothness, 0.0, _LARGEST_SMOOTHNESS, "The smoothness")
+        if rate is not None:
+            checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
+        found = expression_of_film(
+            Path(film),
+            self.session.model,
+            span=Span(start, end),
+            rate=rate,
+            smoothness=smoothness,
+            colours=bool(checks.one_of(colours, (False, True), "The choice of colours")),
+        )
+        _warn(film, " ".join(found.notes))
+        return found.performance
 
     def transfer_to(
         self,

@@ -116,6 +116,11 @@ def landmarks_in(picture: Picture, square: Square) -> Landmarks | None:
     return None if found is None else _with_eyes(picture, found)
 
 
+def followed_landmarks(picture: Picture, before: Landmarks) -> Landmarks | None:
+    """Return the landmarks of the face that was at ``before`` one frame ago, or None if it is lost."""
+    return landmarks_in(picture, _square_around(before.points))
+
+
 @dataclass(frozen=True, eq=False)
 class _Found:
     """Points in an image, (468, 3), and the logarithm of the odds that they are of a face."""

@@ -5,6 +5,7 @@ model, so that the brows of a person with high brows are not raised; the weights
 shapes of the same names.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from faceposer.identity.photos.head_basis import head_basis
 from faceposer.identity.photos.head_from_photos import check_turns
 from faceposer.identity.photos.landmark_fit import LandmarkFit, fit_landmarks
 from faceposer.landmarks.feature_points import feature_pixels
+from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import weight_map
 from faceposer.photo.aligning import aligned
@@ -40,27 +42,46 @@ class PhotoExpression:
     fit: LandmarkFit
 
 
+def check_takes(model: FaceModel, source: str, remedy: str) -> None:
+    """Raise FacePoserError, with a ``remedy``, if a character has no shapes for the expressions of a ``source``."""
+    character = model.character
+    if not weight_map(character.shape_names, ARKIT_SHAPES).any():
+        raise FacePoserError(
+            f"The character '{character.title}' has none of ARKit's shapes, to which expressions of {source} are "
+            f"given; {remedy}."
+        )
+
+
+def pose_of_weights(model: FaceModel, names: Sequence[str], weights: Array) -> Array:
+    """Return the pose of a character with the ``weights`` of the shapes ``names`` of another one, within its limits.
+
+    Args:
+        model: Model of the character.
+        names: Names of the shapes, S' of them.
+        weights: Shape (S',), or (F, S') for several poses.
+
+    Returns:
+        Coefficients, shape (r,) or (F, r).
+    """
+    character = model.character
+    given = weights @ weight_map(character.shape_names, names).T
+    lower, upper = character.shape_limits.T.astype(np.float64)
+    limited = np.where(upper > lower, np.clip(given, lower, upper), given)
+    pose: Array = limited @ model.subspace.projection.T
+    return pose
+
+
 def expression_of(found: FaceInPhoto, model: FaceModel) -> PhotoExpression:
     """Return the expression of the face ``found`` on the character of ``model``.
 
     Raises:
         FacePoserError: If the face is seen from the side, or the character has none of ARKit's shapes.
     """
+    check_takes(model, "photos", "pin its points on the photo instead (--pins)")
     basis = head_basis()
-    character = model.character
-    shares = weight_map(character.shape_names, basis.character.shape_names)
-    if not shares.any():
-        raise FacePoserError(
-            f"The character '{character.title}' has none of ARKit's shapes, to which expressions of photos are given; "
-            "pin its points on the photo instead (--pins)."
-        )
     fit = fit_landmarks([found.face], basis, load_face_places())
     check_turns(fit, [str(found.path)])
-    weights = basis.model.weights_of(fit.state.views[0].pose)
-    lower, upper = character.shape_limits.T.astype(np.float64)
-    given = shares @ weights
-    limited = np.where(upper > lower, np.clip(given, lower, upper), given)
-    pose = model.coefficients_of(limited)
+    pose = pose_of_weights(model, basis.character.shape_names, basis.model.weights_of(fit.state.views[0].pose))
     pins = tuple(Pin(name, pixel) for name, pixel in feature_pixels(found.full_landmarks()).items())
     width, height = found.file.size
     inside = tuple(pin for pin in pins if 0.0 <= pin.pixel[0] <= width and 0.0 <= pin.pixel[1] <= height)

@@ -115,7 +115,7 @@ def photo_of(
     lamp = math.sin(tilt) * light + math.cos(tilt) * np.array([0.0, 0.0, -1.0])
     ambient = rng.uniform(0.2, 0.6) * np.exp(rng.normal(0.0, 0.08, 3))
     diffuse = rng.uniform(0.5, 1.1) * np.exp(rng.normal(0.0, 0.08, 3))
-    image = shaded(mesh, camera, lamp, ambient, diffuse, rng.uniform(0.0, 0.15), _background(rng, size), finer)
+    image = shaded(mesh, camera, lamp, ambient, diffuse, rng.uniform(0.0, 0.15), soft_background(rng, size), finer)
     image = np.clip(image + rng.normal(0.0, 0.008, image.shape), 0.0, 1.0)
     return Photo(_as_jpeg(image, int(rng.integers(75, 96))), camera, weights, vertices)
 
@@ -166,7 +166,7 @@ def _albedo(mesh: PaintedMesh, faces: NDArray[np.int64], corners: NDArray[np.int
     return np.clip(colours, 0.0, 1.0)
 
 
-def _background(rng: np.random.Generator, size: int) -> Array:
+def soft_background(rng: np.random.Generator, size: int) -> Array:
     """Return random soft colours, 0..1, shape (size, size, 3)."""
     coarse = rng.uniform(0.1, 0.9, 3) + rng.normal(0.0, rng.uniform(0.02, 0.2), (6, 6, 3))
     return np.clip(ndimage.zoom(coarse, (size / 6, size / 6, 1), order=1, grid_mode=True, mode="nearest"), 0.0, 1.0)

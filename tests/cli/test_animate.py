@@ -11,6 +11,9 @@ from faceposer.animation import following
 from faceposer.geometry.camera import OrbitView
 from faceposer.model.face_model import FaceModel
 from tests.command_line import run
+from tests.film.conftest import frames_folder, speaking
+
+__all__ = ["frames_folder", "speaking"]
 
 Capture = pytest.CaptureFixture[str]
 NAMES = ("8.3", "8.4", "8.1", "8.2", "2.10")
@@ -134,3 +137,45 @@ def test_times_in_milliseconds_and_missing_rows_are_said(jaw: Path, tmp_path: Pa
     assert "read as milliseconds" in said.err
     assert "2 of its 15 frames are missing" in said.err
     assert json.loads(out.read_text())["rate"] == 25.0
+
+
+def test_a_film_becomes_an_animation_with_session_and_report(
+    frames_folder: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    out, session, report = (tmp_path / name for name in ("o.csv", "s.json", "r.json"))
+    words = ("--landmarks-only", "--rate", "25", "--session", session, "--report", report)
+    assert run("animate", "man", frames_folder, *words, "-o", out, "--from", "0:00", "--to", "0.32") == 0
+    said = capsys.readouterr()
+    assert re.search(r"o\.csv written: 8 frames at 25 fps, landmarks [0-4]\.\d px off the person's head", said.out)
+    assert said.err == ""
+    assert len(out.read_text().splitlines()) == 9
+    measured = json.loads(report.read_text())
+    assert [frame["frame"] for frame in measured["frames"]] == list(range(8))
+    assert set(measured["frames"][0]) == {"frame", "time", "landmark_px", "yaw", "pitch", "roll", "place"}
+    animation = json.loads(session.read_text())["animation"]
+    assert (animation["rate"], animation["length"]) == (25.0, 8)
+    assert 2 <= len(animation["keys"]) <= 8
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("{film}", "--to", "1", "--from", "2"), "--to 1 is not after --from 2"),
+        (("{film}", "--points", "8.3"), "--points is for trajectories, not for films"),
+        (("{film}", "--prior", "whole"), "--prior is for trajectories, not for films"),
+        (("{film}", "--from", "x"), "'x' is no time in seconds such as 12.5, nor"),
+        (("{film}", "--session", "{out}"), "is given for two outputs"),
+        (("{film}", "--from", "100"), "choose a part that begins before its end"),
+        (("{jaw}", "--to", "1"), "are for films, not for trajectories"),
+        (("{none}",), "There is no film"),
+    ],
+)
+def test_films_and_options_that_do_not_fit_are_refused(
+    words: tuple[str, ...], message: str, frames_folder: Path, jaw: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    pytest.importorskip("av", reason="the extra 'film' is not installed")
+    out = tmp_path / "out.json"
+    named = {"film": frames_folder, "jaw": jaw, "none": tmp_path / "none.mp4", "out": out}
+    assert run("animate", "man", *(word.format(**named) for word in words), "-o", out) == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()

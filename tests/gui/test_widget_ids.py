@@ -4,6 +4,7 @@ Dear ImGui tells widgets apart by ids; of two with the same one, a drag moves th
 every line of the package that draws a widget: a new panel that it does not know fails the test.
 """
 
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,9 +17,14 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from faceposer.animation.keyframes import Keyframes
+from faceposer.film.expression import FilmExpression
+from faceposer.film.shots import Shot
+from faceposer.film.tracking import Track
 from faceposer.gui.app import App
 from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
+from faceposer.gui.features.film.feature import FilmFeature, MadeKeys
+from faceposer.gui.features.film.stills import Stills
 from faceposer.gui.features.head.feature import HeadFeature
 from faceposer.gui.features.head_making.feature import HeadMakingFeature
 from faceposer.gui.features.head_making.state import MadeHead
@@ -36,6 +42,7 @@ from faceposer.interchange.formats import FORMATS
 from faceposer.model.character_file import load_character, save_character
 from faceposer.model.performance import Performance
 from faceposer.poses.pose_file import Pose, write_pose
+from faceposer.session.jobs import ThreadJob
 from faceposer.session.key_proposals import create_keys
 from tests.gui.test_constraint_tools import make_all
 from tests.gui.widget_ids import WidgetIds, hovered_conflicts, widget_lines
@@ -446,6 +453,38 @@ def visit_head_making(robot: Robot, folder: Path) -> None:
         robot.frames(3)
 
 
+def visit_film(robot: Robot, folder: Path) -> None:
+    """Show the pages of the dialog of films: the form with an error, the work with a picture, the choice of keys."""
+    image = Image.new("RGB", (40, 40))
+    image.save(folder / "film.gif", save_all=True, append_images=[Image.new("RGB", (40, 40), (9, 9, 9))], duration=100)
+    feature = robot.app.features[FilmFeature]
+    feature.open_film(folder / "film.gif")
+    feature.error = "It failed."
+    robot.frames(3)
+    assert feature.film is not None
+    vars(feature.film)["notes"] = ("A rate was assumed.",)
+    robot.frames(2)
+    feature.stills = Stills()
+    feature.stills.preview = np.zeros((40, 40, 3), dtype=np.uint8)
+    ended = threading.Event()
+    feature.job = ThreadJob(lambda _: ended.wait(10.0) and None, lambda: None, "Waiting")
+    robot.frames(3)
+    assert "film:progress" in robot.app.widget_rects
+    ended.set()
+    feature.job.join()
+    model = robot.app.session.model
+    dense = Keyframes.of_performance(Performance(np.zeros((3, model.n_coefficients)), 10.0))
+    track = Track((40, 40), np.arange(3), (None,) * 3, Shot(0, 2))
+    found = FilmExpression(dense.performance(model), feature.film, 0, track, ("The film cuts.",), {})
+    robot.frames(1)
+    feature.result = MadeKeys(found, dense, dense.reduced(model, 0.1))
+    robot.frames(3)
+    assert "film:few" in robot.app.widget_rects
+    robot.key("Esc")
+    robot.frames(3)
+    assert not feature.open
+
+
 def visit_preferences(robot: Robot) -> None:
     robot.app.actions["preferences"].run()
     robot.frames(6)
@@ -503,6 +542,7 @@ def test_every_widget_of_every_state_has_an_id_of_its_own(robot: Robot, ids: Wid
     visit_import(robot, tmp_path)
     visit_head(robot)
     visit_head_making(robot, tmp_path)
+    visit_film(robot, tmp_path)
     visit_preferences(robot)
     visit_characters(robot, tmp_path)
     assert not app.dialogs.open

@@ -9,6 +9,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
     from faceposer.gui.features.drawings.feature import DrawingsFeature
     from faceposer.gui.features.export.feature import ExportFeature
+    from faceposer.gui.features.film.feature import FilmFeature
     from faceposer.gui.features.guide.feature import GuideFeature
     from faceposer.gui.features.head.feature import HeadFeature
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
@@ -32,6 +33,7 @@ def build_features(context: EditorContext) -> Features:
         TimelineFeature,
         TrajectoriesFeature,
         AnimationFilesFeature,
+        FilmFeature,
         KeysFeature,
         TransferFeature,
         ImportCharacterFeature,

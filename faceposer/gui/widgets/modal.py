@@ -1,6 +1,6 @@
 """Modal windows: frame, title and buttons, and the progress of a job."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -264,7 +264,14 @@ def modal_buttons(
 
 
 def draw_job(
-    fonts: Fonts, rects: WidgetRects, prefix: str, title: str, job: Job[object], text: str, escapes: bool = True
+    fonts: Fonts,
+    rects: WidgetRects,
+    prefix: str,
+    title: str,
+    job: Job[object],
+    text: str,
+    escapes: bool = True,
+    more: Callable[[], None] | None = None,
 ) -> None:
     """Draw the progress of ``job`` into a modal window, with a button that cancels it.
 
@@ -276,10 +283,13 @@ def draw_job(
         job: The job.
         text: Text below the progress bar.
         escapes: True if Esc cancels, too.
+        more: Draws what belongs above the progress bar, such as a preview.
     """
     modal_title(fonts, title)
     buttons = (("cancel", "Cancel"),)
     with modal_body(buttons):
+        if more is not None:
+            more()
         known = job.share > 0.0
         imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
         imgui.progress_bar(

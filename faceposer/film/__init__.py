@@ -1,0 +1,1 @@
+"""Expressions of a person in a film, frame by frame (docs/film.md)."""

@@ -1,0 +1,1 @@
+"""Expressions from films in the window (docs/film.md)."""

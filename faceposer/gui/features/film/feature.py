@@ -1,0 +1,314 @@
+"""Films of faces: the dialog, the work in the background, the keys, and the film beside the face."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from imgui_bundle import ImVec2, imgui
+
+from faceposer.animation.keyframes import TOLERANCE, Keyframes
+from faceposer.errors import FacePoserError, counted
+from faceposer.files import paths
+from faceposer.film.film import FILM_SUFFIXES, Span, check_span, open_film, seconds_of
+from faceposer.gui.actions import Action, Submenu
+from faceposer.gui.context import EditorContext
+from faceposer.gui.feature import Feature
+from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
+from faceposer.gui.features.film.dialog import FilmDialog
+from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.settings import last_folder
+from faceposer.gui.widgets.dialogs import Choice, Question
+from faceposer.gui.widgets.file_request import FileRequest
+from faceposer.gui.widgets.pictures import Picture
+from faceposer.gui.widgets.theme import EDGE, em, u32
+from faceposer.model.face_model import FaceModel
+from faceposer.progress import Progress
+from faceposer.session.jobs import ThreadJob
+from faceposer.session.session import Session
+
+if TYPE_CHECKING:
+    from faceposer.film.expression import FilmExpression
+    from faceposer.film.film import Film
+    from faceposer.gui.features.film.stills import Stills
+
+Page = Literal["form", "working", "result"]
+
+# Width of the film beside the face, as a share of the view, and its distance from the corner in font sizes.
+_SHARE, _MARGIN = 0.24, 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class MadeKeys:
+    """What the work returns: the expressions, with a key at every frame, and with few keys."""
+
+    found: "FilmExpression"
+    dense: Keyframes
+    few: Keyframes
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A film that is shown beside the face: its pictures, the frame at which the animation begins, and whose it is."""
+
+    stills: "Stills"
+    first: int
+    session: Session
+    length: int
+    rate: float
+
+
+class FilmFeature(Feature):
+    """State of the dialog that animates the face by a film.
+
+    Attributes:
+        open: True while the dialog is shown.
+        film: The film, or None.
+        start: Beginning of the part that is used, as typed.
+        end: Its end, as typed; "" for that of the film.
+        colours: Follow the colours of the face, too.
+        error: Reason why the last step failed, one sentence, or "".
+        job: The work in progress, or None.
+        result: The keys that were made, or None.
+        visible: Show the film beside the face.
+    """
+
+    def __init__(self, context: EditorContext) -> None:
+        super().__init__(context)
+        self._dialog = FilmDialog(self)
+        self.open = False
+        self.film: Film | None = None
+        self.start, self.end, self.colours = "", "", True
+        self.error = ""
+        self.job: ThreadJob[MadeKeys] | None = None
+        self.result: MadeKeys | None = None
+        self.visible = True
+        self.stills: Stills | None = None
+        self._shown: _Shown | None = None
+        self._picture = Picture()
+
+    @property
+    def page(self) -> Page:
+        """Current page of the dialog."""
+        if self.job is not None:
+            return "working"
+        return "form" if self.result is None else "result"
+
+    @property
+    def patience(self) -> float:
+        """Seconds for which the loop may sleep."""
+        return 0.1 if self.job is not None else super().patience
+
+    @property
+    def is_modal(self) -> bool:
+        """True while the dialog is shown."""
+        return self.open
+
+    @property
+    def blocks_files(self) -> bool:
+        """True if dropped files are ignored: while work is in progress."""
+        return self.job is not None
+
+    @property
+    def quit_question(self) -> Question | None:
+        """Question before the window closes while a film is followed."""
+        if self.job is None:
+            return None
+        choices = (Choice("Quit"), Choice("Continue"))
+        return Question("Cancel the work and quit?", "The face in a film is being followed.", choices, default=1)
+
+    def actions(self) -> Sequence[Action | Submenu]:
+        """Return the entries of the menus."""
+        timeline = self.context.feature(TimelineFeature)
+        return (
+            Action(
+                "open-film",
+                "Open film...",
+                "Animate",
+                self.ask,
+                enabled=lambda: timeline.free,
+                help="Animate the face by the expressions of a person in a film (MP4, MOV, WebM and others, GIF)",
+            ),
+            Action(
+                "film-shown",
+                "Show the film",
+                "View",
+                self.toggle,
+                (),
+                lambda: self._shown is not None,
+                lambda: self._shown is not None and self.visible,
+                help="Show the frames of the film beside the face that follows it",
+            ),
+        )
+
+    def accept_files(self, dropped: tuple[str, ...]) -> bool:
+        """Open a dropped film."""
+        if self.context.is_modal or self.context.busy or len(dropped) != 1:
+            return False
+        path = Path(dropped[0])
+        if path.suffix.lower() not in FILM_SUFFIXES:
+            return False
+        self.open_film(path)
+        return True
+
+    # The dialog
+
+    def ask(self) -> None:
+        """Ask for a film."""
+        self.context.feature(TimelineFeature).stop()
+        folder = last_folder(self.context.settings)
+        self.context.ask_for_file(FileRequest("open", "Open film", "Films", FILM_SUFFIXES, folder, self.open_film))
+
+    def open_film(self, path: Path) -> None:
+        """Open the film ``path`` and show the dialog."""
+        # Imported late to shorten the start of the window.
+        from faceposer.photo.automatic import check_takes
+
+        path = paths.absolute(paths.expand_user(path))
+        try:
+            check_takes(self.context.session.model, "films", "animate it by trajectories instead")
+            self.film = open_film(path)
+        except FacePoserError as error:
+            self.context.dialogs.report("The film cannot be opened", str(error))
+            return
+        self.context.settings.folder = str(paths.resolved(path.parent))
+        self.context.toolbox.finish()
+        self.context.slider_edit.let_go()
+        self.open, self.error, self.result, self.start, self.end = True, "", None, "", ""
+        self.context.redraw()
+
+    def close_dialog(self) -> None:
+        """Close the dialog; its film is forgotten."""
+        self.open, self.error, self.result, self.film = False, "", None, None
+        self.stills = None
+        self._dialog.forget()
+        self.context.redraw()
+
+    def follow(self) -> None:
+        """Follow the face in the background."""
+        from faceposer.gui.features.film.stills import Stills
+
+        assert self.film is not None
+        try:
+            times = [seconds_of(text) if text.strip() else None for text in (self.start, self.end)]
+        except ValueError as error:
+            self.error = f"'{error}' is no time in seconds such as 12.5, nor 1:02.5."
+            return
+        span = Span(times[0] or 0.0, times[1])
+        if span.end is not None and span.end <= span.start:
+            self.error = "The end of the part is not after its beginning; give a later time."
+            return
+        try:
+            check_span(self.film, span)
+        except FacePoserError as error:
+            self.error = str(error)
+            return
+        self.error, self.stills = "", Stills()
+        work = partial(_work, self.film.path, self.context.session.model, span, self.colours, self.stills)
+        self.job = ThreadJob(work, self.context.wake, "Opening the film")
+        self.context.redraw()
+
+    def stop(self) -> None:
+        """Cancel the work; the animation stays as it is."""
+        if self.job is not None:
+            self.job.cancel()
+
+    def update(self) -> None:
+        """Show the progress of the work, and its result when it ends.
+
+        Raises:
+            Exception: The error of the work, unless the user can resolve it; then the dialog shows it.
+        """
+        job = self.job
+        if job is None:
+            return
+        self.context.redraw(1)
+        if not job.done:
+            return
+        self.job = None
+        self.context.redraw()
+        if isinstance(job.error, FacePoserError):
+            self.error = str(job.error)
+        elif isinstance(job.error, MemoryError):
+            self.error = "There is not enough memory; choose a shorter part of the film."
+        elif job.error is not None:
+            raise job.error
+        else:
+            self.result = job.result
+
+    def take(self, few: bool) -> None:
+        """Set the keys, ``few`` of them or one at every frame, as one step of the history, and close the dialog."""
+        result, stills, film = self.result, self.stills, self.film
+        assert result is not None
+        assert stills is not None
+        assert film is not None
+        keyframes = result.few if few else result.dense
+        self.close_dialog()
+        self.context.feature(AnimationFilesFeature).load(keyframes, "Open a film")
+        session, found = self.context.session, result.found
+        self._shown = _Shown(stills, found.first, session, keyframes.length, keyframes.rate)
+        self.visible = True
+        self.context.dismiss_guide()
+        self.context.notify(f"Opened {film.path.name}: {counted(len(keyframes.keys), 'key')}")
+
+    # The film beside the face
+
+    def toggle(self) -> None:
+        """Show or hide the film."""
+        self.visible = not self.visible
+        self.context.redraw()
+
+    def session_changed(self) -> None:
+        """Forget the film of another session."""
+        if self._shown is not None and self._shown.session is not self.context.session:
+            self._shown = None
+
+    def draw_over(self, draw: imgui.ImDrawList) -> None:
+        """Draw the frame of the film that belongs to the current frame of the timeline."""
+        shown, session = self._shown, self.context.session
+        if shown is None or not self.visible or session is not shown.session:
+            return
+        keyframes = session.animation.keyframes
+        if not keyframes.keys or (keyframes.length, keyframes.rate) != (shown.length, shown.rate):
+            return
+        image = shown.stills.at(shown.first + session.document.frame)
+        if image is None:
+            return
+        viewport = self.context.viewport
+        (left, top), (room, _) = viewport.origin, viewport.size
+        height, width = image.shape[:2]
+        scale = _SHARE * max(viewport.size) / max(width, height)
+        margin = em(_MARGIN)
+        high = ImVec2(left + room - margin, top + margin + scale * height)
+        low = ImVec2(high.x - scale * width, top + margin)
+        texture = self._picture.texture(self.context.gl, image)
+        draw.add_image(imgui.ImTextureRef(texture), low, high)
+        draw.add_rect(low, high, u32(EDGE))
+
+    # Dialog, and end of the program
+
+    def draw_dialog(self) -> None:
+        """Draw the dialog, if it is open."""
+        if self.open and not self.context.dialogs.open:
+            self._dialog.draw()
+
+    def close(self) -> None:
+        """Cancel the work and release pictures."""
+        self.stop()
+        self._dialog.release()
+        self._picture.release()
+
+    def join(self) -> None:
+        """Wait until the cancelled work has ended."""
+        if self.job is not None:
+            self.job.join()
+
+
+def _work(path: Path, model: FaceModel, span: Span, colours: bool, stills: "Stills", progress: Progress) -> MadeKeys:
+    from faceposer.film.expression import expression_of_film
+
+    found = expression_of_film(path, model, span=span, colours=colours, progress=progress, watch=stills.watch)
+    progress.at("Choosing keys")
+    dense = Keyframes.of_performance(found.performance)
+    return MadeKeys(found, dense, dense.reduced(model, TOLERANCE))

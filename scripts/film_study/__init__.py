@@ -1,0 +1,1 @@
+"""Expressions from films, measured on synthetic films of heads that are known."""

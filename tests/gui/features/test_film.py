@@ -1,0 +1,122 @@
+"""Films of faces in the window: the dialog, its work, the keys, and the film beside the face."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from faceposer.gui.events import Drop
+from faceposer.gui.features.film.feature import FilmFeature
+from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.testing.scripted_user import Robot
+from faceposer.model.face_model import FaceModel
+from tests.film.films import speaking_face
+from tests.windows import OpenWindow
+
+pytestmark = pytest.mark.gl
+
+JAW = (0.0, 0.1, 0.25, 0.4, 0.5)
+
+
+@pytest.fixture(scope="module")
+def film(woman: FaceModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A GIF of the woman, who opens her mouth: it is read without PyAV."""
+    images = [Image.fromarray(pixels) for pixels in speaking_face(woman, JAW)]
+    path = tmp_path_factory.mktemp("films") / "speaking.gif"
+    images[0].save(path, save_all=True, append_images=images[1:], duration=40)
+    return path
+
+
+def finish(robot: Robot) -> FilmFeature:
+    feature = robot.app.features[FilmFeature]
+    if feature.job is not None:
+        feature.job.join()
+    robot.frames(3)
+    return feature
+
+
+def test_a_film_becomes_keys_and_is_shown_beside_the_face(open_window: OpenWindow, film: Path) -> None:
+    robot = open_window("man", (1000, 800), pictures=False)
+    feature = robot.app.features[FilmFeature]
+    robot.app.window.play_event(Drop((str(film),)))
+    robot.frames(2)
+    assert feature.open
+    assert feature.film is not None
+    assert feature.film.rate == 25.0
+    robot.click_widget("film:colours")
+    robot.frames(1)
+    assert not feature.colours
+    robot.click_widget("film:follow")
+    finish(robot)
+    assert feature.error == ""
+    assert feature.page == "result"
+    robot.click_widget("film:all")
+    robot.frames(3)
+    assert not feature.open
+    keyframes = robot.app.features[TimelineFeature].keyframes
+    assert (len(keyframes.keys), keyframes.rate) == (len(JAW), 25.0)
+    session = robot.app.session
+    session.animation.go_to(4)
+    robot.frames(2)
+    names = session.model.character.shape_names
+    assert session.model.weights_of(session.coefficients)[names.index("jawOpen")] > 0.1
+    shown = robot.app.actions["film-shown"]
+    assert shown.enabled()
+    shown.run()
+    robot.frames(2)
+    assert not feature.visible
+    robot.key("Ctrl+Z")
+    robot.frames(2)
+    assert not robot.app.features[TimelineFeature].keyframes.keys
+
+
+def test_a_wrong_part_and_a_film_without_a_face_are_said_in_the_dialog(open_window: OpenWindow, tmp_path: Path) -> None:
+    robot = open_window("low", (1000, 800), pictures=False)
+    feature = robot.app.features[FilmFeature]
+    grey = [Image.fromarray(np.full((120, 160, 3), value, dtype=np.uint8)) for value in (100, 110)]
+    grey[0].save(tmp_path / "grey.gif", save_all=True, append_images=grey[1:], duration=500)
+    feature.open_film(tmp_path / "grey.gif")
+    robot.frames(2)
+    for start, end, said in (
+        ("x", "", "'x' is no time in seconds"),
+        ("2", "1", "is not after its beginning"),
+        ("5", "", "has 1.00 seconds"),
+    ):
+        feature.start, feature.end = start, end
+        robot.click_widget("film:follow")
+        robot.frames(1)
+        assert said in feature.error
+    feature.start = ""
+    robot.click_widget("film:follow")
+    finish(robot)
+    assert "No face was found" in feature.error
+    assert feature.page == "form"
+    robot.key("Esc")
+    robot.frames(2)
+    assert not feature.open
+
+
+def test_what_is_no_film_is_reported(open_window: OpenWindow, tmp_path: Path) -> None:
+    robot = open_window("low", (1000, 800), pictures=False)
+    (tmp_path / "a.gif").write_bytes(b"GIF89a" + bytes(20))
+    robot.app.features[FilmFeature].open_film(tmp_path / "a.gif")
+    robot.frames(2)
+    assert robot.app.dialogs.open
+    assert not robot.app.features[FilmFeature].open
+
+
+def test_cancelled_work_changes_nothing(open_window: OpenWindow, film: Path) -> None:
+    robot = open_window("man", (1000, 800), pictures=False)
+    feature = robot.app.features[FilmFeature]
+    feature.open_film(film)
+    robot.frames(2)
+    robot.click_widget("film:follow")
+    assert feature.job is not None
+    robot.frames(2)
+    feature.stop()
+    finish(robot)
+    assert feature.page == "form"
+    assert feature.error == ""
+    assert not robot.app.features[TimelineFeature].keyframes.keys
+    assert not robot.app.session.dirty
