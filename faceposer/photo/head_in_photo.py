@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
@@ -20,9 +21,11 @@ Array = NDArray[np.float64]
 SIDE = 800
 # Margin around the head, as a share of its height in the photo.
 _MARGIN = 0.5
-# Regions whose skin shows the light, without hair; other characters' whole skin is used.
-_BARE = ("nose", "cheek_left", "cheek_right", "mouth", "jaw", "forehead")
 _LIDS = ("lids_left", "lids_right")
+# Regions whose skin shows the light, without hair; other characters' whole skin is used.
+_BARE = ("nose", "cheek_left", "cheek_right", "mouth", "jaw", "forehead", "brow_left", "brow_right", *_LIDS)
+# Width of the edge of the face, as a share of the height of the head.
+_EDGE = 0.04
 # Least cosine between the skin and the view at which it shows the light, and most samples.
 _FACING, _MOST_SAMPLES = 0.35, 20_000
 # Least light relative to the usual one.
@@ -99,7 +102,16 @@ class HeadInPhoto:
 
         left, top, right, bottom = self.box
         part = Image.fromarray(np.ascontiguousarray(self.pixels[top:bottom, left:right]))
-        return np.asarray(part.resize(self.camera.size, Image.Resampling.BICUBIC if self.camera.size[0] > part.width else Image.Resampling.BOX), dtype=np.float32) / 255.0
+        return (
+            np.asarray(
+                part.resize(
+                    self.camera.size,
+                    Image.Resampling.BICUBIC if self.camera.size[0] > part.width else Image.Resampling.BOX,
+                ),
+                dtype=np.float32,
+            )
+            / 255.0
+        )
 
     @cached_property
     def surface(self) -> SurfaceInPicture:
@@ -123,7 +135,22 @@ class HeadInPhoto:
         found = np.zeros(len(self.character.vertices), dtype=bool)
         found[np.concatenate([*regions, np.zeros(0, dtype=np.int64)]).astype(np.intp)] = True
         result: NDArray[np.bool_] = found[self.character.triangles].all(axis=1)
-        return result & triangles_of(self.character, ("skin",))
+        result &= triangles_of(self.character, ("skin",))
+        return result
+
+    @cached_property
+    def face(self) -> Array:
+        """How much each vertex belongs to the bare skin of the face, 0 to 1, shape (N,); 0 if nothing tells."""
+        regions = [self.character.regions[name] for name in _BARE if name in self.character.regions]
+        if not regions:
+            return np.zeros(len(self.character.vertices))
+        inside = np.zeros(len(self.character.vertices), dtype=bool)
+        inside[np.concatenate(regions)] = True
+        places = self.character.vertices.astype(np.float64)
+        near, _ = cKDTree(places[~inside]).query(places)
+        t = np.clip(near / (_EDGE * self.character.height), 0.0, 1.0)
+        result: Array = t * t * (3.0 - 2.0 * t)
+        return result
 
     @cached_property
     def belonging(self) -> Array:
@@ -138,11 +165,8 @@ class HeadInPhoto:
         """The light on the skin, coefficients of `harmonics` in camera axes, shape (9, 3)."""
         surface, character = self.surface, self.character
         bare = triangles_of(character, ("skin",)) & ~self.inside
-        regions = [character.regions[name] for name in _BARE if name in character.regions]
-        if regions:
-            of_face = np.zeros(len(character.vertices), dtype=bool)
-            of_face[np.concatenate(regions)] = True
-            bare &= of_face[character.triangles].all(axis=1)
+        if self.face.any():
+            bare &= (self.face > 0.5)[character.triangles].all(axis=1)
         normals = surface.of_vertices(self.normals_of(self.vertices))
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
         used = np.flatnonzero(bare[surface.faces[surface.at]] & (normals[:, 2] < -_FACING))

@@ -17,6 +17,7 @@ from faceposer.photo.head_in_photo import HeadInPhoto
 from faceposer.photo.surface_in_picture import SurfaceInPicture, triangles_of
 
 Array = NDArray[np.float64]
+Image32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 # Depth behind the surface, as a share of the head's height, at which a point is hidden.
@@ -65,13 +66,14 @@ class PhotoChange:
     colours: Array
 
 
-def put_back(head: HeadInPhoto, vertices: NDArray[np.floating], skin: Array | None = None) -> NDArray[np.uint8]:
+def put_back(head: HeadInPhoto, vertices: NDArray[np.floating], skin: Image32 | None = None) -> NDArray[np.uint8]:
     """Return the photo of ``head`` with other vertices, (N, 3), in its light, shape (h, w, 3).
 
     Args:
         head: The head in the photo.
         vertices: The changed head.
-        skin: Logarithm of the change of the skin's colours at each vertex, shape (N, 3); none if None.
+        skin: Logarithm of the change of the skin's colours, in the layout of its texture, shape (size, size, 3); None
+            for none.
     """
     change = photo_change(head, np.asarray(vertices, dtype=np.float64), skin)
     left, top, right, bottom = head.box
@@ -106,14 +108,12 @@ def _difference(part: NDArray[np.float32], change: PhotoChange) -> Array:
     return result
 
 
-def photo_change(head: HeadInPhoto, vertices: Array, skin: Array | None = None) -> PhotoChange:
+def photo_change(head: HeadInPhoto, vertices: Array, skin: Image32 | None = None) -> PhotoChange:
     """Return how the photo changes if ``head`` gets ``vertices``, (N, 3); ``skin`` is as for `put_back`."""
     surface = SurfaceInPicture.of(head.character, vertices, head.camera)
     width, height = head.camera.size
     n = height * width
     change = np.log(head.light_on(vertices)) - np.log(head.light_on(head.vertices))
-    if skin is not None:
-        change = change + skin
     change = head.belonging[:, None] * np.clip(change, -_CHANGE, _CHANGE)
     before = surface.of_vertices(head.vertices)
     offsets = _offsets(head, surface, before) * surface.of_vertices(head.belonging[:, None])
@@ -135,6 +135,10 @@ def photo_change(head: HeadInPhoto, vertices: Array, skin: Array | None = None) 
     blur = _BLUR * head.head_height
     lit = ndimage.gaussian_filter(lit.reshape(height, width, 4), (blur, blur, 0.0))
     light = _extended(lit[..., :3] / np.maximum(lit[..., 3:], 1e-6), lit[..., 3] > 0.01)
+    if skin is not None:
+        light.reshape(-1, 3)[surface.at] += _smooth(facing, (0.0, _TRUSTED))[:, None] * _change_of_skin(
+            head, surface, skin
+        )
     # Around the head, the photo follows less with the distance.
     away = ndimage.distance_transform_edt(~image(np.ones(len(triangles), dtype=bool))) / head.head_height
     near = (1.0 - _smooth(away, (0.0, _AROUND)))[..., None]
@@ -157,6 +161,13 @@ def photo_change(head: HeadInPhoto, vertices: Array, skin: Array | None = None) 
     colours = _drawn_colours(head, vertices, surface, moved, light, drawn[surface.at] > 0.0, seen)
     soft = ndimage.gaussian_filter(drawn.reshape(height, width), 0.7)
     return PhotoChange(moved, light, soft, _extended(colours.reshape(height, width, 3), covered))
+
+
+def _change_of_skin(head: HeadInPhoto, surface: SurfaceInPicture, skin: Image32) -> Array:
+    """Return the ``skin``'s change of colours on the face at the pixels of ``surface``, (n, 3)."""
+    result = surface.of_vertices(head.face[:, None]) * surface.looked_up(head.character, skin)
+    result[head.inside[surface.faces[surface.at]]] = 0.0
+    return result
 
 
 def _offsets(head: HeadInPhoto, surface: SurfaceInPicture, before: Array) -> Array:

@@ -80,12 +80,31 @@ class SurfaceInPicture:
             if texture is None:
                 result[mine] = np.array(BASE_COLOURS.get(part.material, (0.5, 0.5, 0.5))) ** (1.0 / 2.2)
                 continue
-            uv = np.einsum("nc,ncd->nd", shares[mine], character.uv[character.triangle_uvs[faces[mine]]])
-            height, width = texture.shape[:2]
-            place = np.stack([(1.0 - uv[:, 1] % 1.0) * height - 0.5, uv[:, 0] % 1.0 * width - 0.5])
-            for channel in range(3):
-                result[mine, channel] = ndimage.map_coordinates(texture[..., channel], place, order=1, mode="nearest")
+            result[mine] = _colours_at(character, faces[mine], shares[mine], texture)
         return result
+
+    def looked_up(self, character: Character, image: NDArray[np.float32]) -> Array:
+        """Return the values of ``image``, (h, w, k), in the layout of the skin, 0 on other parts, shape (n, k)."""
+        faces = self.faces[self.at]
+        result = np.zeros((len(self.at), image.shape[2]))
+        for part in character.parts:
+            if part.material == "skin":
+                first, last = character.part_triangles(part)
+                mine = np.flatnonzero((faces >= first) & (faces < last))
+                result[mine] = _colours_at(character, faces[mine], self.shares[mine], image)
+        return result
+
+
+def _colours_at(character: Character, faces: Ints, shares: Array, image: NDArray[np.float32]) -> Array:
+    """Return the values of a texture, (h, w, k), at points of triangles with barycentric coordinates, shape (n, k)."""
+    uv = np.einsum("nc,ncd->nd", shares, character.uv[character.triangle_uvs[faces]])
+    height, width = image.shape[:2]
+    place = np.stack([(1.0 - uv[:, 1] % 1.0) * height - 0.5, uv[:, 0] % 1.0 * width - 0.5])
+    looked_up = [
+        ndimage.map_coordinates(image[..., channel], place, order=1, mode="nearest")
+        for channel in range(image.shape[2])
+    ]
+    return np.stack(looked_up, axis=1).astype(np.float64)
 
 
 def _texture_of(character: Character, part: Part) -> NDArray[np.float32] | None:

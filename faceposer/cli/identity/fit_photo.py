@@ -111,6 +111,7 @@ def _write_session(options: argparse.Namespace, found: "Sequence[FaceInPhoto]", 
     camera = first.full_camera(made.cameras[0])
     pins = tuple(Pin(place, pixel) for place, pixel in feature_pixels(first.full_landmarks()).items())
     photo = Photo(str(first.path.absolute()), first.file.size, pins, camera, first.file.focal)
+    photo = photo.with_expression(made.model, made.poses[0])
     session = open_with_remark(str(options.output))
     with session.edit("Open a photo"):
         session.replace(replace(session.document, photos=(photo,)))

@@ -143,6 +143,7 @@ def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progr
     width, height = first.file.size
     inside = tuple(pin for pin in pins if 0.0 <= pin.pixel[0] <= width and 0.0 <= pin.pixel[1] <= height)
     photo = Photo(str(first.path.absolute()), first.file.size, inside, first.full_camera(camera), first.file.focal)
+    photo = photo.with_expression(made.model, made.poses[0])
     errors = ", ".join(f"{one['landmark_px']:.1f}" for one in made.report["photos"])
     text = f"Landmarks are {errors} pixels off, in {made.report['seconds']:.0f} s. Left the photo, right the head."
     return PhotoHead(made.character, text, _comparison(marked[0], made), photo, made.poses[0])
