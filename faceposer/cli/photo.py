@@ -109,7 +109,7 @@ def _run_with_pins(options: argparse.Namespace) -> int:
     from faceposer.cli.opening import open_with_remark
     from faceposer.photo.aligning import aligned, residuals_px
     from faceposer.photo.photo import Photo
-    from faceposer.photo.pins_file import read_pins
+    from faceposer.photo.pins_file import check_inside, read_pins
     from faceposer.photo.reading import focal_in_mm, inspect_photo, read_photo
     from faceposer.session.photos import pose_from_photo
     from faceposer.solve.camera_fit import LEAST_POINTS
@@ -118,7 +118,7 @@ def _run_with_pins(options: argparse.Namespace) -> int:
     # Decoded early, so that a damaged file is reported before anything is written.
     read_photo(options.photo, _CHECKED_SIDE)
     pins = read_pins(options.pins)
-    _check_pins(options.pins, pins, file.size)
+    check_inside(options.pins, pins, file.size)
     session = _with_spread(open_with_remark(options.what), options.spread)
     model = session.model
     path = str(options.photo.absolute())
@@ -209,15 +209,6 @@ def _with_spread(session: "Session", spread: float | None) -> "Session":
         session.set_spread(spread)
     session.wait()
     return session
-
-
-def _check_pins(path: Path, pins: Sequence["Pin"], size: tuple[int, int]) -> None:
-    for i, (u, v) in enumerate(pin.pixel for pin in pins):
-        if not (0.0 <= u <= size[0] and 0.0 <= v <= size[1]):
-            raise FacePoserError(
-                f"In '{path}', pins[{i}] is at ({u:g}, {v:g}), outside the photo of {size[0]} x {size[1]} pixels; "
-                "give its position in pixels from the top left."
-            )
 
 
 def _print_errors(

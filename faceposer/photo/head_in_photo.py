@@ -134,8 +134,8 @@ class HeadInPhoto:
         regions = [self.character.regions[name] for name in _LIDS if name in self.character.regions]
         found = np.zeros(len(self.character.vertices), dtype=bool)
         found[np.concatenate([*regions, np.zeros(0, dtype=np.int64)]).astype(np.intp)] = True
-        result: NDArray[np.bool_] = found[self.character.triangles].all(axis=1)
-        result &= triangles_of(self.character, ("skin",))
+        result = triangles_of(self.character, ("skin",))
+        result &= found[self.character.triangles].all(axis=1)
         return result
 
     @cached_property
