@@ -1,5 +1,6 @@
 """The face of a session put back into one of its photos."""
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from faceposer.session.session import Session
 # Side of the image in which the colour of skin changes, and limit of the change of its logarithm.
 _SKIN, _MOST_CHANGE = 512, 0.6
 # Changes of the labels of skins below which its colours stay.
-_SAME = 1e-3
+_SAME = 0.02
 
 
 def head_in_photo(
@@ -62,6 +63,7 @@ def photo_with_face(session: Session, index: int = 0) -> NDArray[np.uint8]:
     return put_back(head, session.vertices, skin_change(session.base_model, session.document.identity))
 
 
+@lru_cache(maxsize=4)
 def skin_change(model: FaceModel, identity: Identity | None) -> NDArray[np.float32] | None:
     """Return by what the logarithm of the skin's colours changes with age and gender, or None if it does not.
 
