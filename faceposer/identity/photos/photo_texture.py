@@ -145,23 +145,28 @@ def _smooth(values: Array, limits: tuple[float, float]) -> Array:
     return result
 
 
-def photo_texture(photos: Sequence[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces) -> bytes:
+def photo_texture(
+    photos: Sequence[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces, natural: bool = True
+) -> bytes:
     """Return the encoded texture, JPEG, of a head in ``photos``, over the encoded texture ``under`` of the model.
+
+    ``natural`` leaves out colours that no skin has, which paintings may have.
 
     Raises:
         FacePoserError: If ``under`` cannot be decoded.
     """
-    return blended([_layer(photos, _grid(under), basis, places)], under)
+    return blended([_layer(photos, _grid(under) if natural else None, basis, places)], under)
 
 
-def _layer(photos: Sequence[LitPhoto], model: Array, basis: HeadBasis, places: FacePlaces) -> Layer:
-    """Return the colours of the face in ``photos``, own and mirrored, with ``model``, (side², 3), for comparison."""
+def _layer(photos: Sequence[LitPhoto], model: Array | None, basis: HeadBasis, places: FacePlaces) -> Layer:
+    """Return the colours of the face in ``photos``, own and mirrored, those like ``model``, (side², 3), or all."""
     texels = face_texels(basis, places)
     total = np.zeros((_SIDE * _SIDE, 3), dtype=np.float32)
     share = np.zeros(_SIDE * _SIDE, dtype=np.float32)
     for photo in photos:
         colours, weights = _seen(photo, texels, basis)
-        weights = weights * _plausible(colours, weights, model, texels)
+        if model is not None:
+            weights = weights * _plausible(colours, weights, model, texels)
         total[texels.at] += (weights[:, None] * colours).astype(np.float32)
         share[texels.at] += weights.astype(np.float32)
     other_side = share[texels.mirror]

@@ -120,7 +120,9 @@ def find_faces(files: Sequence[str], progress: Progress) -> list[MarkedPhoto]:
     return marked
 
 
-def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progress: Progress) -> PhotoHead:
+def fit_head(
+    marked: Sequence[MarkedPhoto], likelihood: float, title: str, painting: bool, progress: Progress
+) -> PhotoHead:
     """Make a character of the photos.
 
     Raises:
@@ -136,6 +138,7 @@ def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progr
         name=file_stem(shown),
         title=shown,
         likelihood=likelihood,
+        painting=painting,
         progress=progress,
     )
     first, camera = found[0], made.cameras[0]
