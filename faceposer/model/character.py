@@ -1,5 +1,6 @@
 """Characters: a polygon mesh in named parts with facial shapes, textures, regions and feature points."""
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -108,6 +109,15 @@ class Character:
     def set_title(self, title: str) -> None:
         """Change the title, after it has been changed in the file; nothing that was computed depends on it."""
         object.__setattr__(self, "title", title)
+
+    @cached_property
+    def structure(self) -> str:
+        """Digest of polygons, parts and names of shapes, which heads made after one another have in common."""
+        parts = ["{} {} {}:{} {}:{}".format(p.name, p.material, *p.polygons, *p.vertices) for p in self.parts]
+        lines = "\n".join([*parts, *self.shape_names])
+        digest = hashlib.blake2b(lines.encode("utf-8", "surrogatepass"), digest_size=16)
+        digest.update(np.ascontiguousarray(self.polygons, dtype="<i4").tobytes())
+        return digest.hexdigest()
 
     @cached_property
     def triangles(self) -> Ints:

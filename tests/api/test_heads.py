@@ -1,6 +1,8 @@
 """Heads through the Python interface."""
 
+import gc
 import re
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +96,9 @@ def test_a_head_becomes_a_character(face: Face, tmp_path: Path) -> None:
         (lambda face: face.set_attributes(age=9.0), "from -0.8 to 1.4, not 9"),
         (lambda face: face.set_attributes(age=float("nan")), "from -0.8 to 1.4, not nan"),
         (lambda face: face.set_attributes(age="old"), "'age' must be a number"),
+        (lambda face: face.set_attributes([("age", 1.0)]), "given by name"),
+        (lambda face: face.set_attributes({1: 0.5}), "must be a text, not 1"),
+        (lambda face: face.mix(None), "other head must be"),
         (lambda face: face.caricature(-1.0), "factor of a caricature"),
         (lambda face: face.mix("woman", 1.5), "share"),
         (lambda face: face.mix("creature"), "Goblin"),
@@ -104,6 +109,8 @@ def test_a_head_becomes_a_character(face: Face, tmp_path: Path) -> None:
         (lambda face: face.set_skin(tone=3.0), "tone"),
         (lambda face: face.save_character("me.obj"), "npz"),
         (lambda face: face.save_character("me.npz", title=" "), "title"),
+        (lambda face: face.save_character("me.npz", title="x" * 5000), "title"),
+        (lambda face: face.save_character("me.npz", title="a\0b"), "title"),
         (lambda _: faceposer.load("low").set_attributes(age=0.5), "cannot be edited"),
         (lambda _: faceposer.new_head(1, base="creature"), "cannot be edited"),
     ],
@@ -116,6 +123,21 @@ def test_other_arguments_get_one_sentence(
         call(face)  # type: ignore[operator]
     assert face.session.document.identity is None
     assert not list(tmp_path.iterdir())
+
+
+def test_heads_that_were_changed_again_are_released(face: Face) -> None:
+    models = []
+    gc.disable()
+    try:
+        for seed in range(5):
+            face.randomise(seed, texture=None)
+            x, y = face.pixel("8.3")
+            face.drag("8.3", (x + 20.0, y - 10.0))
+            models.append(weakref.ref(face.model))
+        # The last three are cached for undo.
+        assert [model() is None for model in models] == [True, True, False, False, False]
+    finally:
+        gc.enable()
 
 
 def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

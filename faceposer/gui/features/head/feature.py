@@ -75,7 +75,7 @@ class HeadFeature(HeadState, Feature):
         self.model_changed()
 
     def model_changed(self) -> None:
-        """Discard lines that another edit has left, and thumbnails in another pose."""
+        """Discard lines and thumbnails of variations that another edit has left."""
         shown = self.context.session.document.identity
         if self.caricature is not None and self.caricature.result is not shown:
             self.caricature = None

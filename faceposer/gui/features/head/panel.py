@@ -56,7 +56,7 @@ class HeadPanel:
         head, context = self._head, self._head.context
         editor = head.editor
         if editor is None:
-            caption("Measuring the head...")
+            caption(head.failure or "Measuring the head...")
             return
         imgui.begin_child("##head")
         with disabled(context.toolbox.active or (context.playing and not head.busy)):

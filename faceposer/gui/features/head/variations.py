@@ -97,4 +97,5 @@ class Variations:
 
     def _vertices(self, identity: Identity) -> NDArray[np.float32]:
         session = self._head.context.session
-        return self._head.require_editor().preview(session.model, session.coefficients, identity)
+        editor, contact = self._head.require_editor(), session.document.contact
+        return editor.preview(session.model, session.coefficients, identity, contact)

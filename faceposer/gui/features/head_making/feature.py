@@ -1,7 +1,7 @@
 """Heads from scans or photos: the files, the landmarks, the fit in the background, and its result."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Generic, Literal, Protocol, Self, TypeVar
 
@@ -307,7 +307,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
         try:
             library.make_folder()
             path = library.new_path(result.character.name)
-            save_character(path, result.character)
+            save_character(path, replace(result.character, name=path.stem))
         except FacePoserError as error:
             self.error = str(error)
             return
@@ -324,8 +324,3 @@ class HeadMakingFeature(Feature, Generic[M, H]):
         """Wait until the cancelled work has ended."""
         if self.job is not None:
             self.job.join()
-
-
-def file_stem(title: str) -> str:
-    """Return the stem of a file name for a character of this ``title``."""
-    return "".join(letter if letter.isalnum() else "-" for letter in title.lower()).strip("-") or "head"
