@@ -92,6 +92,9 @@ def read_face(
     if (found is None or _height(found) < _SMALL) and max(file.size) > _SIDE:
         pixels = read_photo(path, _LARGEST_SIDE)
         found = find_landmarks(pixels)
+    if found is None:
+        # False colours hide faces from the networks, which a grey picture shows.
+        found = find_landmarks(_grey(pixels))
     factor = pixels.shape[1] / file.size[0]
     placed = {name: (factor * u, factor * v) for name, (u, v) in (pins or {}).items()}
     if placed:
@@ -134,6 +137,13 @@ def _face_at(
         for room in _ROOMS
     ]
     return max((face for face in tried if face is not None), key=lambda face: face.logit, default=found)
+
+
+def _grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the brightness of ``pixels``, (h, w, 3), over the whole range, shape (h, w)."""
+    grey = pixels.mean(axis=2)
+    low, high = np.quantile(grey, (0.005, 0.995))
+    return np.clip(255.0 * (grey - low) / max(high - low, 1.0), 0.0, 255.0).astype(np.uint8)
 
 
 def _height(found: Landmarks) -> float:

@@ -39,6 +39,8 @@ _TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
 # Weight of the density of heads for paintings, whose features are a painter's.
 _PAINTED = 2.0
+# How much more colours of a painted face may differ than those of skin under one light.
+_TOLERANCE = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +133,7 @@ def head_from_photos(
         ]
         # The brows are those of the photos.
         bare = replace(identity.texture, layers=replace(identity.texture.layers, brows="none"))
-        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places, natural=not painting)
+        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places, _TOLERANCE if painting else 1.0)
         textures = {**model.character.textures, "skin": skin}
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))
