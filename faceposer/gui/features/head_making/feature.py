@@ -70,6 +70,11 @@ class MadeHead:
     text: str
     picture: NDArray[np.uint8]
 
+    @property
+    def over(self) -> NDArray[np.uint8] | None:
+        """A picture of the same size that covers `picture` on the right of a line that can be dragged, or None."""
+        return None
+
 
 @dataclass(frozen=True)
 class Words:
@@ -98,6 +103,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
     Attributes:
         words: Texts of the dialog.
         suffixes: Suffixes of the files.
+        dialog: The dialog.
         open: True while the dialog is shown.
         files: The files, all of one person.
         options: Options of the fit by name.
@@ -113,7 +119,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        self._dialog = HeadDialog(self)
+        self.dialog = HeadDialog(self)
         self.open = False
         self.files: list[str] = []
         self.options = {name: True for name, _, _ in self.words.options}
@@ -190,7 +196,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
     def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
         """Draw the dialog, if it is open, with file dialogs above it."""
         if self.open:
-            self._dialog.draw(draw_dialogs)
+            self.dialog.draw(draw_dialogs)
         return self.open
 
     def accept_files(self, dropped: tuple[str, ...]) -> bool:
@@ -214,7 +220,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
         """Close the dialog and forget its files."""
         self.open, self.error, self.result = False, "", None
         self.files, self.marked, self.title = [], [], ""
-        self._dialog.forget()
+        self.dialog.forget()
         self.context.redraw()
 
     def ask_for_file(self) -> None:
@@ -253,7 +259,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
     def back(self) -> None:
         """Return to the form."""
         self.marked, self.error = [], ""
-        self._dialog.forget()
+        self.dialog.forget()
 
     # The fit
 
@@ -318,7 +324,7 @@ class HeadMakingFeature(Feature, Generic[M, H]):
     def close(self) -> None:
         """Cancel the work and release pictures."""
         self.stop()
-        self._dialog.release()
+        self.dialog.release()
 
     def join(self) -> None:
         """Wait until the cancelled work has ended."""
