@@ -76,7 +76,8 @@ def skin_change(model: FaceModel, identity: Identity | None) -> NDArray[np.float
     """
     if identity is None:
         return None
-    from faceposer.identity.editing import head_editor, is_editable
+    from faceposer.identity.editing import head_editor
+    from faceposer.identity.identity import is_editable
     from faceposer.identity.skin_following import NATURAL_LABELS, following_skin
     from faceposer.identity.skin_layers import SkinLayers
     from faceposer.identity.texture_model import load_texture_model
