@@ -10,8 +10,12 @@ import pytest
 
 import faceposer
 from faceposer import Face, FacePoserError
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.obj_io import write_obj
 from faceposer.identity.editing import head_editor
+from faceposer.session.key_folder import KeyFolder
 from faceposer.session.opening import open_session
+from tests.command_line import run_captured
 
 
 @pytest.fixture
@@ -152,3 +156,24 @@ def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     page = (Path(__file__).resolve().parents[2] / "docs" / "api.md").read_text(encoding="utf-8")
     (example,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "new_head" in code]
     exec(compile(example, "docs/api.md", "exec"), {})
+
+
+def test_an_edited_head_has_the_clones_of_its_character(
+    face: Face, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    low, keys = faceposer.load("low"), KeyFolder(tmp_path / "keys", "man", "low")
+    keys.write()
+    face.set_weights({"jawOpen": 0.8})
+    # A mesh of the source shows the man, not the head that plays.
+    shown = face.session.model.instance(face.coefficients)
+    write_obj(keys.folder / "source" / "open.obj", shown, face.character.polygons)
+    low.set_weights({"jawOpen": 0.6, "mouthSmileLeft": 0.5})
+    low.save_pose("Open", keys.folder / "target")
+    face.set_attributes(age=0.8, face_width=1.0)
+    clone = face.transfer_to("low", "examples", keys=keys.folder)
+    np.testing.assert_allclose(clone.vertices, low.vertices, atol=1e-3)
+    face.save(tmp_path / "old.json")
+    out, options = tmp_path / "out.obj", ("--method", "examples", "--keys", keys.folder)
+    status, _, said = run_captured(capsys, "transfer", tmp_path / "old.json", "low", "-o", out, *options)
+    assert (status, "outside the keys" in said) == (0, False)
+    np.testing.assert_allclose(read_mesh(out).vertices, low.vertices, atol=1e-3)

@@ -104,7 +104,9 @@ def test_locked_parts_stay(robot: Robot) -> None:
 
 def test_variations_are_chosen_from_a_grid(robot: Robot) -> None:
     before = skin(robot)
-    robot.click_widget("head:variations")
+    robot.click_widget("tab:View")
+    robot.click_widget("menu:Head")
+    robot.click_widget("menu:head-variations")
     robot.frames(12)
     robot.click_widget("head:variation:4")
     robot.frames(2)
@@ -198,6 +200,8 @@ def test_heads_are_saved_as_characters(robot: Robot, tmp_path: Path, monkeypatch
     robot.click_widget("head-random")
     robot.frames(2)
     feature(robot).save("Ann Other")
+    with pytest.raises(FacePoserError, match="There is a character ann other already"):
+        feature(robot).save("ann other")
     entry = next(one for one in robot.app.characters.all(()) if one.title == "Ann Other")
     saved = load_character(entry.name)
     np.testing.assert_array_equal(saved.vertices, robot.app.session.model.character.vertices)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
@@ -278,18 +279,26 @@ class HeadState:
 
     def ask_to_save(self) -> None:
         """Ask for the name of a new character with this head."""
-        title = f"{self.context.session.base_model.character.title} 2"
+        base, taken = self.context.session.base_model.character.title, self._titles
+        title = next(title for i in count(2) if (title := f"{base} {i}").casefold() not in taken)
         self.context.dialogs.ask(TextQuestion("Save head as character", title, "Save", self.save))
+
+    @property
+    def _titles(self) -> set[str]:
+        """Titles of all characters in the list, in lower case."""
+        return {entry.title.casefold() for entry in self.context.characters.all(self.context.settings.characters)}
 
     def save(self, title: str) -> None:
         """Save the character with this head to the library of characters.
 
         Raises:
-            FacePoserError: If the name is not possible, or the file cannot be written.
+            FacePoserError: If the name is not possible or taken, or the file cannot be written.
         """
         from faceposer.identity.head_choices import named_character
 
         title, context = checked_title(title), self.context
+        if title.casefold() in self._titles:
+            raise FacePoserError(f"There is a character {title} already; choose another name.")
         library = context.characters
         library.make_folder()
         path = library.new_path(file_stem(title))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from faceposer.geometry.camera import Camera
-from faceposer.gui.features.head_making.feature import MadeHead
+from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.identity.photos.head_from_photos import HeadFromPhotos, head_from_photos
 from faceposer.landmarks.drawing import draw
 from faceposer.landmarks.feature_points import feature_pixels

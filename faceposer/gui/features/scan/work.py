@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
-from faceposer.gui.features.head_making.feature import MadeHead
+from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.identity.registration import align
 from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, read_scan, shipped_basis
 from faceposer.identity.scans.landmarks_file import implied_features
