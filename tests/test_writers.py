@@ -50,6 +50,7 @@ _MODULES = {
     "cli/animate.py": "sessions",
     "cli/identity/fit_photo.py": "sessions; reports by files/writing.py",
     "cli/photo.py": "sessions",
+    "cli/photo_render.py": "sessions; images",
     "cli/sketch.py": "sessions; reports by files/writing.py",
     "evaluation/figures.py": "plots",
     "evaluation/gestures/pictures.py": "images",
