@@ -200,7 +200,7 @@ class DenseFitter:
             shape=np.concatenate([start.state.shape, np.zeros(len(state.shape) - len(start.state.shape))]),
             texture=state.texture,
         )
-        costs, samples = [], []
+        costs, samples, lights = [], [], []
         for tried in (state, before):
             rest = self._rest(tried)
             cost = start.priors.cost(tried)
@@ -210,17 +210,23 @@ class DenseFitter:
                 seen = photo.visible(tried, number, posed, self._skin_triangles)
                 mine = photo.chosen(tried, number, seen, np.random.default_rng(1))
                 chosen.append(mine)
-                if tried is state and len(mine):
-                    photo.noise = photo.residual(state, number, mine).size()
+                if len(mine) and tried is before:
+                    # The same noise for both.
+                    noise = photo.noise
+                    photo.lit(tried, number, mine, 8)
+                    photo.noise = noise
+                elif len(mine):
+                    photo.lit(tried, number, mine, 8)
                 cost += term.cost(tried, view) + (photo.cost(tried, number, mine) if len(mine) else np.inf)
+            lights.append([photo.light for photo in photos])
             costs.append(cost)
             samples.append(chosen)
         refined = bool(np.isfinite(costs[0]) and costs[0] < costs[1])
         kept = state if refined else before
         found = [
-            photo.residual(kept, number, mine)
-            for number, (photo, mine) in enumerate(zip(photos, samples[0 if refined else 1], strict=True))
+            photo.residual(kept, number, mine, light)
+            for number, (photo, mine, light) in enumerate(zip(photos, samples[0 if refined else 1], lights[0 if refined else 1], strict=True))
         ]
         return DenseFit(
-            kept, self.rows(kept), tuple(one.light for one in found), tuple(one.size() for one in found), refined
+            kept, self.rows(kept), tuple(one.lit.light for one in found), tuple(one.size() for one in found), refined
         )
