@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 # Limits of the standard deviation of a colour, which is that found, and the number of them from which a sample counts
 # less. The noise falls as the fit proceeds; hair, glasses and wrinkles leave more of it than bare skin.
 _SIGMAS, _DOUBTFUL = (0.01, 0.1), 3.0
+#: Noise from which what differs is not noise but hair, wrinkles and light that the model does not have, whose colours
+#: belong together.
+USUAL_NOISE = 0.012
 # Number of steps towards the best light, the first time and later.
 _FIRST_LIGHT_STEPS, _LIGHT_STEPS = 8, 2
 # Least cosine between a triangle and the view at which it is compared.
@@ -40,7 +43,7 @@ class DensePhoto:
         image: Colours, 0 to 1, blurred, shape (h, w, 3).
         skin: Triangles of the face.
         occluders: Triangles of the whole skin that may hide them, vertex ids, shape (T', 3).
-        weight: Weight of a sample relative to an independent one, at a noise of `NOISE`.
+        weight: Weight of a sample relative to an independent one, up to a noise of `USUAL_NOISE`.
         n_samples: Number of samples.
         light: The light found last, shape (9, 3).
         noise: Median difference of colours found last, by which the photo is trusted.
@@ -61,6 +64,11 @@ class DensePhoto:
     def sigma(self) -> float:
         """Standard deviation of a colour."""
         return float(np.clip(self.noise, *_SIGMAS))
+
+    @property
+    def effective_weight(self) -> float:
+        """Weight of a sample relative to an independent one."""
+        return self.weight * float(min(1.0, USUAL_NOISE / self.sigma))
 
     def visible(self, state: FitState, number: int, rest: Array, triangles: NDArray[np.integer]) -> NDArray[np.int64]:
         """Return the samples that the camera sees.
@@ -204,7 +212,7 @@ class DensePhoto:
         """Return the square roots of the weights of samples, shape (n,)."""
         result: Array = (
             found.trust(_DOUBTFUL * self.sigma)
-            * np.sqrt(self.weight * self.n_samples / max(len(found.samples), 1))
+            * np.sqrt(self.effective_weight * self.n_samples / max(len(found.samples), 1))
             / self.sigma
         )
         return result
@@ -233,7 +241,7 @@ class DensePhoto:
         limit = _DOUBTFUL * self.sigma
         squares = np.square(found.values).sum(axis=1) / limit**2
         robust = 0.5 * _DOUBTFUL**2 * squares / (1.0 + squares)
-        return float(self.weight * self.n_samples * robust.mean())
+        return float(self.effective_weight * self.n_samples * robust.mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +279,10 @@ class DenseResidual:
         """Return the square roots of the robust weights of Geman and McClure's function, shape (n,)."""
         result: Array = 1.0 / (1.0 + np.square(self.values).sum(axis=1) / limit**2)
         return result
+
+    def harmonic_light(self) -> Array:
+        """Return the light as harmonics for the colours of displays, (9, 3)."""
+        return fitted_light(self.colours, self.albedo, self.lit.normals, np.ones(len(self.samples)))
 
     def light_prior(self) -> tuple[Array, Array]:
         """Return the residuals of the prior of the light, and their derivatives."""
