@@ -63,15 +63,15 @@ class ScanStudy:
             if len(crops) < count:
                 continue
             yield self._trial("mean", count, np.zeros((4, study.basis.n_identity)), 0.0)
-            begun = time.perf_counter()
+            begun = time.process_time()
             start = fit_landmarks([crop.face for crop in crops[:count]], study.basis, study.places)
-            yield self._trial("landmarks", count, np.tile(start.state.shape, (4, 1)), time.perf_counter() - begun)
+            yield self._trial("landmarks", count, np.tile(start.state.shape, (4, 1)), time.process_time() - begun)
             fitter = DenseFitter(crops[:count], start, study.basis, study.samples)
             for method, dense in zip(("dense", "dense-segments"), fitter.stages(), strict=True):
-                yield self._trial(method, count, dense.rows, time.perf_counter() - begun)
+                yield self._trial(method, count, dense.rows, time.process_time() - begun)
 
     def _trial(self, method: str, views: int, rows: Array, seconds: float) -> Trial:
-        return Trial(method, views, self.distance(rows), float("nan"), seconds, "scan-photo")
+        return Trial(method, views, self.distance(rows), 0.0, seconds, "scan-photo")
 
     def distance(self, rows: Array) -> float:
         """Return the median distance of the face with coefficients ``rows`` from the scan, after a similarity, in mm.

@@ -83,9 +83,15 @@ class DensePhoto:
         local = camera.local(rest)
         depth = local[:, 2] + np.exp(camera.log_depth)
         height, width = self.image.shape[:2]
-        faces, _ = visible_triangles(camera.pixels(local), depth, triangles, (width, height))
+        pixels = camera.pixels(local)
+        first, second, third = (pixels[triangles[:, corner]] for corner in range(3))
+        turn = (second[:, 0] - first[:, 0]) * (third[:, 1] - first[:, 1])
+        turn -= (second[:, 1] - first[:, 1]) * (third[:, 0] - first[:, 0])
+        # Behind a triangle that faces away there is nothing on a closed surface that faces the camera.
+        facing = np.flatnonzero(turn < 0.0)
+        faces, _ = visible_triangles(pixels, depth, triangles[facing], (width, height))
         seen = np.zeros(len(triangles), dtype=bool)
-        seen[faces[faces >= 0]] = True
+        seen[facing[faces[faces >= 0]]] = True
         return np.flatnonzero(seen[self.skin.faces])
 
     def chosen(
