@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 # Number of steps for which what is visible is computed once.
 _SEEN_FOR = 8
-# Number of steps to the light for the final comparison.
-_LIGHT_STEPS = 8
 
 
 @dataclass(frozen=True)
@@ -230,13 +228,9 @@ class DenseFitter:
                 seen = photo.visible(tried, number, posed, self._skin_triangles)
                 mine = photo.chosen(tried, number, seen, np.random.default_rng(1))
                 chosen.append(mine)
-                if len(mine) and tried is before:
-                    # The same noise for both.
-                    noise = photo.noise
-                    photo.lit(tried, number, mine, _LIGHT_STEPS)
-                    photo.noise = noise
-                elif len(mine):
-                    photo.lit(tried, number, mine, _LIGHT_STEPS)
+                if len(mine) and tried is state:
+                    # Both are compared with the noise that is left here.
+                    photo.lit(tried, number, mine)
                 cost += term.cost(tried, view) + (photo.cost(tried, number, mine) if len(mine) else np.inf)
             lights.append([photo.light for photo in photos])
             costs.append(cost)
@@ -245,8 +239,15 @@ class DenseFitter:
         kept = state if refined else before
         found = [
             photo.residual(kept, number, mine, light)
-            for number, (photo, mine, light) in enumerate(zip(photos, samples[0 if refined else 1], lights[0 if refined else 1], strict=True))
+            for number, (photo, mine, light) in enumerate(
+                zip(photos, samples[0 if refined else 1], lights[0 if refined else 1], strict=True)
+            )
         ]
         return DenseFit(
-            kept, self.rows(kept), tuple(one.harmonic_light() for one in found), tuple(one.size() for one in found), refined, tuple(one.lit.light for one in found)
+            kept,
+            self.rows(kept),
+            tuple(one.harmonic_light() for one in found),
+            tuple(one.size() for one in found),
+            refined,
+            tuple(one.lit.light for one in found),
         )

@@ -1,9 +1,9 @@
 """The term of a photo's pixels: colours of random triangles of the face, with derivatives by all unknowns.
 
-At the middle x of a triangle with the unit normal n, in camera axes, the face has the colour a ∘ (L' h(n)), with the
-albedo a = exp(ā + T t), the light L and the harmonics h; the photo has the colour I(u(x)). As the unknowns change, the
-middle moves in the photo and the normal turns in the light. Blanz and Vetter (1999), section 4, descend
-stochastically, too; theirs is Phong's light.
+At the middle x of a triangle with the unit normal n, in camera axes, the face has the colour c(a, n, x) of `SkinLight`
+with the albedo a = exp(ā + T t); the photo has the colour I(u(x)). As the unknowns change, the middle moves
+in the photo and the normal turns in the light, which follows them: it is eliminated from the equations of a step (Schur's
+complement). Blanz and Vetter (1999), section 4, descend stochastically, too.
 """
 
 from dataclasses import dataclass, field, replace
@@ -45,8 +45,8 @@ class DensePhoto:
         occluders: Triangles of the whole skin that may hide them, vertex ids, shape (T', 3).
         weight: Weight of a sample relative to an independent one, up to a noise of `USUAL_NOISE`.
         n_samples: Number of samples.
-        light: The light found last, shape (9, 3).
-        noise: Median difference of colours found last, by which the photo is trusted.
+        light: The light found last.
+        noise: Standard deviation of colours found last, by which the photo is trusted.
     """
 
     image: Array
@@ -174,15 +174,15 @@ class DensePhoto:
         by_camera[:, :, 6] += by_view[:, :, 2] * np.exp(camera.log_depth)
         return np.concatenate([by_modes[:, :, :n_shape], by_texture, by_modes[:, :, n_shape:], by_camera], axis=2)
 
-    def lit(self, state: FitState, number: int, samples: NDArray[np.int64], steps: int) -> "DenseResidual":
-        """Return the differences of ``samples`` after ``steps`` towards the best light."""
+    def lit(self, state: FitState, number: int, samples: NDArray[np.int64]) -> "DenseResidual":
+        """Return the differences of ``samples`` after steps towards the best light; light and noise are kept."""
         found = self.residual(state, number, samples)
         self.noise = found.noise()
         if self.light is None:
             starts = [found.lit.light, *(found.lit.light.from_direction(way) for way in FIRST_LAMPS)]
             tried = [self._relit(found.under(light), _FIRST_LIGHT_STEPS) for light in starts]
             found = min(tried, key=self._light_cost)
-        found = self._relit(found, steps)
+        found = self._relit(found, _LIGHT_STEPS)
         self.light, self.noise = found.lit.light, found.noise()
         return found
 
@@ -225,7 +225,7 @@ class DensePhoto:
 
     def add(self, state: FitState, number: int, samples: NDArray[np.int64], equations: NormalEquations) -> None:
         """Add the term at ``samples`` to ``equations``, the best light following what changes."""
-        found = self.lit(state, number, samples, _LIGHT_STEPS)
+        found = self.lit(state, number, samples)
         scale = self._scale(found)
         rows = (self.derivatives(state, number, found) * scale[:, None, None]).reshape(len(scale) * 3, -1)
         values = (found.values * scale[:, None]).ravel()
@@ -240,8 +240,10 @@ class DensePhoto:
         equations.add_products(-mixed.T @ solved[:, :-1], -mixed.T @ solved[:, -1], where)
 
     def cost(self, state: FitState, number: int, samples: NDArray[np.int64]) -> float:
-        """Return the cost at ``samples`` under the light found last: a robust sum of squares."""
-        return self._cost(self.residual(state, number, samples))
+        """Return the cost at ``samples`` under the best light, with the noise found last: a robust sum of squares."""
+        found = self._relit(self.residual(state, number, samples), _FIRST_LIGHT_STEPS)
+        self.light = found.lit.light
+        return self._light_cost(found)
 
     def _cost(self, found: "DenseResidual") -> float:
         limit = _DOUBTFUL * self.sigma

@@ -2,10 +2,11 @@
 
 A surface with the albedo a (of a display), the unit normal n and the unit vector v towards the camera has the colour
 
-    c = (a^γ E + g)^(1/γ),    E = L' h(n) + d max(n·l, 0),    g = k max(r·v, 0)^m,    r = 2 (n·l) n - l,
+    c = (a^s E + g)^(1/s),    E = L' h(n) + d max(n·l, 0),    g = k max(r·v, 0)^m,    r = 2 (n·l) n - l,
 
 the ambient and the directed light of V. Blanz and T. Vetter, "A morphable model for the synthesis of 3D faces"
 (SIGGRAPH 1999), section 4, where L is one colour; here it may come from all sides, as harmonics of degree 2.
+The exponent s of displays is 2.2.
 """
 
 from dataclasses import dataclass, replace
@@ -29,8 +30,6 @@ _SPREADS = np.array([2.0, 0.2, 0.2, 0.2, 0.08, 0.08, 0.08, 0.08, 0.08])
 _LAMP, _LAMP_SPREAD = 0.6, 0.6
 _GLOSS, _GLOSS_SPREAD = 0.04, 1.0
 _SHININESS, _SHININESS_SPREAD = 12.0, 0.3
-# Angle of the lamp from the camera from which it is expected to be less, in radians: light from behind.
-_TURN_SPREAD = 2.0
 #: Directions to the lamp from which it is searched, apart from that of the harmonics: x to the right, y down.
 FIRST_LAMPS = np.array([[0.0, 0.0, -1.0], [0.8, -0.3, -0.6], [-0.8, -0.3, -0.6], [0.0, -0.8, -0.6], [0.0, 0.8, -0.6]])
 
