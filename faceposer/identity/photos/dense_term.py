@@ -1,8 +1,8 @@
 """The term of a photo's pixels: colours of random triangles of the face, with derivatives by all unknowns.
 
 At the middle x of a triangle with the unit normal n, in camera axes, the face has the colour c(a, n, x) of `SkinLight`
-with the albedo a = exp(ā + T t); the photo has the colour I(u(x)). As the unknowns change, the middle moves
-in the photo and the normal turns in the light, which follows them: it is eliminated from the equations of a step (Schur's
+with the albedo a = exp(ā + T t); the photo has the colour I(u(x)). As the unknowns change, the middle moves in the
+photo and the normal turns in the light. The light follows, and is eliminated from the equations of a step (Schur's
 complement). Blanz and Vetter (1999), section 4, descend stochastically, too.
 """
 
