@@ -11,6 +11,11 @@ take. All have the neutral face among them, and the targets are the characters' 
 
 Rivals: Noh and Neumann's expression cloning, Sumner and Popović's deformation transfer, both with a correspondence from
 all feature points; and transfer by distances and by weights.
+
+Table "noise": the man's frames on the low head, against the same weights there, and on the creature, against the poses
+by distances, with keys whose targets have errors, as those made by hand: each weight is multiplied by a random factor
+of mean 1. Table "compose": time to compose 84 keys of 19 on both faces. "key_error_cm" is the largest distance of a
+vertex of a clone from its key.
 """
 
 import os
@@ -25,6 +30,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +59,22 @@ from faceposer.training.expressions import Recipe, clean
 from faceposer.transfer.distances import DistanceTransfer
 from faceposer.transfer.examples import ExampleTransfer, KeyPair
 from faceposer.transfer.key_coverage import chosen_frames
-from faceposer.transfer.key_parameters import PAPER_POINTS
+from faceposer.transfer.key_parameters import PAPER_POINTS, PAPER_THRESHOLD
 from faceposer.transfer.transfer import Transfer, make_transfer
 
 Array = NDArray[np.float64]
 #: From a performance of the source, (F, N, 3) on its skin and (F, r), to one of the target, in the same two forms.
 Way = Callable[["Play"], "Play"]
-# The fine threshold reproduces keys that were chosen from frames; the default suits keys that were made by hand.
-FINE = 1e-8
+#: Rows of tables; None where a method does not apply.
+Rows = list[dict[str, Any] | None]
+# Standard deviation of the factors of the table "noise", number of draws, and thresholds to compare with damping.
+NOISE, NOISE_SEEDS = 0.1, 5
+THRESHOLDS = (1e-3, 1e-4, PAPER_THRESHOLD, 1e-6, 1e-8)
+# Thresholds of tables 2 and 3.
+FIXED: dict[str, dict[str, Any]] = {
+    "examples, threshold": {"threshold": PAPER_THRESHOLD},
+    "examples, fine": {"threshold": 1e-8},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,23 +126,22 @@ def faces(names: list[str], captures: tuple[Path, Path], count: int) -> dict[str
     return found
 
 
-def key_sets(source: Face, target: Face, folder: Path) -> dict[str, list[KeyPair]]:
-    """Return the sets of keys by name."""
+def key_sets(source: Face, target: Face, folder: Path, rows: list[dict[str, Any]]) -> dict[str, list[KeyPair]]:
+    """Return the sets of keys by name, and add the time of their composition to ``rows``."""
     keys = create_keys(folder / f"{source.name}-{target.name}", source.path, target.path)
-    return {"6": _of_folder(keys, EXPRESSION), "19": _of_folder(keys), "84": _composed(keys)} | {
-        "84 chosen": chosen(source, target, 83)
-    }
+    found = {"6": _of_folder(keys, EXPRESSION), "19": _of_folder(keys)}
+    began = time.process_time()
+    compose_keys(keys)
+    seconds = round(time.process_time() - began, 3)
+    rows.append({"table": "compose", "source": source.name, "target": target.name, "seconds": seconds})
+    print(f"{source.name} {target.name}: keys composed in {seconds} s", flush=True)
+    return found | {"84": _of_folder(keys), "84 chosen": chosen(source, target, 83)}
 
 
 def _of_folder(keys: KeyFolder, kind: str | None = None) -> list[KeyPair]:
     kinds = keys.kinds()
     pairs = load_keys(keys).transfer.pairs
     return [pair for pair in pairs if kind is None or kinds.get(pair.name) == kind]
-
-
-def _composed(keys: KeyFolder) -> list[KeyPair]:
-    compose_keys(keys)
-    return _of_folder(keys)
 
 
 def chosen(source: Face, target: Face, count: int) -> list[KeyPair]:
@@ -170,6 +183,46 @@ def ways(source: Face, target: Face) -> dict[str, Callable[[], Way]]:
 def by_examples(source: Face, target: Face, keys: list[KeyPair], **options: Any) -> Callable[[], Way]:
     """Return what prepares cloning by ``keys``."""
     return lambda: by_poses(source, target, ExampleTransfer(source.model, target.model, keys, **options))
+
+
+def key_error(source: Face, target: Face, keys: list[KeyPair]) -> float:
+    """Return the largest distance of a vertex of the clone of a key from the key on the target."""
+    transfer = ExampleTransfer(source.model, target.model, keys)
+    gaps = [target.model.instance(transfer.pose(key.source)) - target.model.instance(key.target) for key in keys]
+    return round(max(float(np.linalg.norm(gap, axis=1).max()) for gap in gaps), 8)
+
+
+def noisy(keys: list[KeyPair], target: Face, noise: float, seed: int) -> list[KeyPair]:
+    """Return the ``keys`` with each weight of their targets multiplied by a random factor of mean 1."""
+    rng = np.random.default_rng(seed)
+    still = target.model.neutral()
+    found = []
+    for key in keys:
+        weights = target.model.weights_of(key.target)
+        error = target.model.coefficients_of(noise * rng.normal(size=weights.shape) * weights) - still
+        found.append(KeyPair(key.name, key.source, key.target + error))
+    return found
+
+
+def noise_rows(source: Face, target: Face, sets: dict[str, list[KeyPair]], count: int) -> list[dict[str, Any]]:
+    """Return the errors with exact and with noisy keys, by damping and by thresholds, as means over the draws."""
+    rows_in = slice(0, None, max(len(source.frames) // count, 1))
+    poses, truth = source.frames[rows_in], target.play(target.frames[rows_in]).skin
+    rows: list[dict[str, Any]] = []
+    for label, keys in sets.items():
+        for noise, threshold in product((0.0, NOISE), (None, *THRESHOLDS)):
+            errors = []
+            for seed in range(NOISE_SEEDS if noise else 1):
+                given = noisy(keys, target, noise, seed)
+                transfer = ExampleTransfer(source.model, target.model, given, threshold=threshold)
+                errors.append(clone_errors(target.play(transfer.poses(poses)).skin, truth, target.skin.vertices))
+            paper = float(np.mean([error.paper for error in errors]))
+            row = {"table": "noise", "source": source.name, "target": target.name, "keys": label, "noise": noise}
+            row |= {"threshold": threshold, "draws": len(errors), "error_paper_norm_percent": round(paper, 5)}
+            moved = float(np.mean([error.displacement for error in errors]))
+            rows.append(row | {"error_displacement_relative": round(moved, 6)})
+            print(f"noise {label:10} {noise:.2f} {threshold or 'damped'!s:7} {paper:8.4f} %", flush=True)
+    return rows
 
 
 def swapped(keys: list[KeyPair]) -> list[KeyPair]:
@@ -216,40 +269,56 @@ def measured(
     return row
 
 
+def self_clones(face: Face, folder: Path, frames: int, few: int, extra: list[dict[str, Any]]) -> Rows:
+    """Return the rows of table 2 of a face."""
+    rows: Rows = []
+    for label, keys in key_sets(face, face, folder, extra).items():
+        variants: dict[str, dict[str, Any]] = {"examples": {}}
+        if label == "84 chosen":
+            variants |= FIXED
+        elif label == "19":
+            variants["examples, 20 points"] = {"points": PAPER_POINTS}
+            variants |= {f"examples, {regions}": {"regions": regions} for regions in ("halves", "parts")}
+        error = key_error(face, face, keys)
+        for how, options in variants.items():
+            more: dict[str, Any] = {"keys": label} | ({} if options else {"key_error_cm": error})
+            rows.append(measured(2, face, None, how, [by_examples(face, face, keys, **options)], frames, **more))
+    for method, way in ways(face, face).items():
+        rows.append(measured(2, face, None, method, [way], few))
+    return rows
+
+
+def round_trips(man: Face, via: Face, folder: Path, frames: int, few: int, extra: list[dict[str, Any]]) -> Rows:
+    """Return the rows of table 3 from the ``man`` to a face and back; those of the table "noise" go to ``extra``."""
+    rows: Rows = []
+    sets = key_sets(man, via, folder, extra)
+    if via.name in ("low", "creature"):
+        extra += noise_rows(man, via, {name: sets[name] for name in ("19", "84", "84 chosen")}, frames)
+    for label, keys in sets.items():
+        error = key_error(man, via, keys)
+        variants: dict[str, dict[str, Any]] = {"examples": {}} | (FIXED if label == "84 chosen" else {})
+        for how, options in variants.items():
+            there = by_examples(man, via, keys, **options)
+            back = by_examples(via, man, swapped(keys), **options)
+            more: dict[str, Any] = {"keys": label} | ({} if options else {"key_error_cm": error})
+            rows.append(measured(3, man, via, how, [there, back], frames, **more))
+    for method, way in ways(man, via).items():
+        rows.append(measured(3, man, via, method, [way, ways(via, man)[method]], few))
+    return rows
+
+
 def study(found: dict[str, Face], frames: int, few: int) -> list[dict[str, Any]]:
     """Return all rows."""
-    rows: list[dict[str, Any] | None] = []
+    extra: list[dict[str, Any]] = []
+    rows: Rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for face in found.values():
-            for label, keys in key_sets(face, face, folder).items():
-                more = {"keys": label}
-                rows.append(measured(2, face, None, "examples", [by_examples(face, face, keys)], frames, **more))
-                if label == "84 chosen":
-                    fine = by_examples(face, face, keys, threshold=FINE)
-                    rows.append(measured(2, face, None, "examples, fine", [fine], frames, **more))
-                elif label == "19":
-                    variants: dict[str, dict[str, Any]] = {
-                        "20 points": {"points": PAPER_POINTS},
-                        "halves": {"regions": "halves"},
-                        "parts": {"regions": "parts"},
-                    }
-                    for how, options in variants.items():
-                        way = by_examples(face, face, keys, **options)
-                        rows.append(measured(2, face, None, f"examples, {how}", [way], frames, **more))
-            for method, way in ways(face, face).items():
-                rows.append(measured(2, face, None, method, [way], few))
+            rows += self_clones(face, folder, frames, few, extra)
         man = found["man"]
         for via in (face for face in found.values() if face is not man):
-            for label, keys in key_sets(man, via, folder).items():
-                for how, options in (("examples", {}), ("examples, fine", {"threshold": FINE})):
-                    if how == "examples" or label == "84 chosen":
-                        there = by_examples(man, via, keys, **options)
-                        back = by_examples(via, man, swapped(keys), **options)
-                        rows.append(measured(3, man, via, how, [there, back], frames, keys=label))
-            for method, way in ways(man, via).items():
-                rows.append(measured(3, man, via, method, [way, ways(via, man)[method]], few))
-    return [row for row in rows if row is not None]
+            rows += round_trips(man, via, folder, frames, few, extra)
+    return [row for row in rows if row is not None] + extra
 
 
 def main() -> int:

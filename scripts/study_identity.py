@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from scripts.asset_building.source import Source, download_wheel
 from scripts.identity_building.learning import Learning
 from scripts.identity_study.model_rows import attribute_rows, head_rows, reconstruction_rows
 from scripts.identity_study.sampling import SampledScans
-from scripts.identity_study.scan_rows import correspondence_rows, real_scan_rows, scan_rows
+from scripts.identity_study.scan_rows import correspondence_rows, eos_rows, real_scan_rows, scan_rows
 
 #: Rounds of bootstrapping.
 _ROUNDS = 3
@@ -50,8 +51,9 @@ TESTS: dict[str, Callable[[int], Iterable[dict[str, Any]]]] = {
     "reconstruction": lambda n: reconstruction_rows(learning(), n),
     "attributes": attribute_rows,
     "heads": head_rows,
-    "scan": lambda n: scan_rows(sampled(), n),
+    "scan": lambda n: chain(scan_rows(sampled(), n), eos_rows(sampled(), n)),
     "scan with holes": lambda n: scan_rows(sampled(), n, damaged=True),
+    "scan with hair": lambda n: scan_rows(sampled(), n, hair=True),
     "real-scan": lambda _n: real_scan_rows(Path(os.environ["FACEPOSER_SCANS"])),
     "correspondence": lambda n: correspondence_rows(sampled(), n, _ROUNDS),
 }

@@ -33,6 +33,7 @@ from faceposer.poses.pose_file import Pose, write_pose
 from faceposer.render.options import OutputOptions
 from faceposer.session.autosave import Journal
 from faceposer.session.document import Document, write_document
+from faceposer.session.key_folder import KeyFolder
 from faceposer.session.opening import open_session
 from faceposer.training.summary import description_of
 from faceposer.transfer.pairs import Pair, write_pairs
@@ -60,7 +61,7 @@ _MODULES = {
     "geometry/ply_io.py": "checked here",
     "geometry/texture_images.py": "images",
     "gui/features/keys/feature.py": "key poses, by session/key_edits.py",
-    "gui/features/poses/feature.py": "poses, by poses/library.py",
+    "gui/features/poses/commands.py": "poses, by poses/library.py",
     "gui/session_files.py": "sessions",
     "identity/companion_file.py": "checked here",
     "identity/eye_colour.py": "images",
@@ -74,9 +75,11 @@ _MODULES = {
     "model/character_file.py": "checked here",
     "model/expression_statistics.py": "checked here",
     "poses/library.py": "poses, by poses/pose_file.py",
+    "poses/pose_file.py": "checked here",
     "render/images.py": "images",
     "session/document.py": "checked here",
-    "session/key_compositions.py": "poses and meshes, by session/key_folder.py",
+    "session/key_compositions.py": "poses, by poses/pose_file.py; meshes, checked as by geometry/obj_io.py",
+    "session/key_folder.py": "poses, by poses/pose_file.py",
     "session/session.py": "sessions, by session/saved_state.py",
     "training/summary.py": "plots; JSON by files/writing.py",
 }
@@ -227,6 +230,11 @@ def test_documents_of_all_kinds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     path.write_bytes(_OLD)
     refused(lambda path: write_document(path, Document("low", prior_weight=number)), path)
     refused(lambda path: write_pose(path, Pose("A", {"jawOpen": number}, "low")), path)
+    keys = KeyFolder(tmp_path / "keys", "low", "low")
+    keys.write()
+    key = keys.folder / "source" / "a.json"
+    key.write_bytes(_OLD)
+    refused(lambda _: keys.add(Pose("A", {"jawOpen": number}), None, replace=True), key)
     refused(lambda path: write_pairs(path, [Pair("a", "2.1", "2.2", weight=number)]), path)
     refused(lambda path: write_json(path, {"energy": [number]}, "report"), path)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

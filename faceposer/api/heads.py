@@ -1,7 +1,7 @@
 """Heads for ``Face``: attributes, random heads, mixtures and caricatures of the morphable model (docs/identity.md)."""
 
 from collections.abc import Iterable, Mapping
-from os import fspath
+from os import PathLike, fspath
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,6 @@ from faceposer.api import checks
 from faceposer.api.posing import PathName
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_output
-from faceposer.identity.caricature import GROTESQUE
 from faceposer.identity.editing import HeadEditor, head_editor
 from faceposer.identity.head_choices import (
     MOST_SEED,
@@ -24,8 +23,9 @@ from faceposer.identity.head_choices import (
     named_character,
     with_skin,
 )
-from faceposer.identity.identity import Identity
+from faceposer.identity.identity import GROTESQUE, Identity
 from faceposer.model.character_file import save_character
+from faceposer.model.character_names import checked_title
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
 
@@ -59,13 +59,16 @@ class HeadsMixin:
     def set_attributes(self, values: Mapping[str, float] | None = None, /, **named: float) -> None:
         """Set attributes of the head: ``set_attributes(age=0.5, nose_length=-0.3)``.
 
-        Those of the person, such as age, leave each other and change the face; those of the face leave all others.
+        Those of the person, such as age, leave each other and change the face; those of the face leave all others
+        nearly as they are.
 
         Args:
             values: Values by name of attribute.
             **named: The same, with "_" in place of "-".
         """
         editor, head = self._head_editor, self.head
+        if values is not None and not isinstance(values, Mapping):
+            raise FacePoserError("Values of attributes must be given by name: set_attributes({'age': 0.5}).")
         wanted = checked_attributes(editor, {**(values or {}), **named})
         self._set_head(editor.with_attributes(head, wanted), "Set attributes")
 
@@ -81,6 +84,8 @@ class HeadsMixin:
             share: 0 for this head, 1 for the other one.
         """
         checks.number(share, 0.0, 1.0, "The share")
+        if not isinstance(other, (HeadsMixin, str, PathLike)):
+            raise FacePoserError(f"The other head must be a face, a name or a path, not {other!r:.60}.")
         theirs = other if isinstance(other, HeadsMixin) else _Other(fspath(other))
         mixed = mixed_heads(self._head_editor, self.head, theirs._head_editor, theirs.head, share)
         self._set_head(mixed, "Mix heads")
@@ -129,9 +134,8 @@ class HeadsMixin:
         """
         target = Path(path)
         check_output(target, ".npz")
-        if title is not None and not (isinstance(title, str) and title.strip()):
-            raise FacePoserError("The title of a character must be a text that is not empty.")
-        save_character(target, named_character(self._head_editor, self.head, target.stem, title or target.stem))
+        shown = checked_title(target.stem if title is None else title, "The title of a character")
+        save_character(target, named_character(self._head_editor, self.head, target.stem, shown))
         return target
 
     @property
@@ -155,6 +159,9 @@ def checked_attributes(editor: HeadEditor, values: Mapping[str, float]) -> dict[
     Raises:
         FacePoserError: If one does not exist, or is not a number within its limits.
     """
+    for name in values:
+        if not isinstance(name, str):
+            raise FacePoserError(f"The name of an attribute must be a text, not {name!r:.60}.")
     numbers = {name: checks.real(value, f"The attribute '{name}'") for name, value in values.items()}
     return checked_values(editor.attributes, numbers)
 

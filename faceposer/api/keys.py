@@ -12,11 +12,11 @@ from faceposer.session.key_edits import add_key, choose_keys
 from faceposer.session.key_folder import SIDES, KeyFolder, Side
 from faceposer.session.key_proposals import Proposal, create_keys
 from faceposer.session.keys import load_keys
+from faceposer.transfer.examples import MOST_KEYS
 from faceposer.transfer.key_coverage import Coverage, HelpfulFrame, coverage, helpful_frames
 from faceposer.transfer.key_models import Importance
 
 PathName = str | PathLike[str]
-_MOST = 400
 
 
 class KeyPoses:
@@ -69,7 +69,7 @@ class KeyPoses:
 
     def choose(self, take: PathName, count: int) -> list[str]:
         """Add the frames of an animation, a file of weights, that help most, and return the names of the new keys."""
-        number = int(checks.number(count, 1, _MOST, "The number of keys"))
+        number = int(checks.number(count, 1, MOST_KEYS, "The number of keys"))
         return [name for name, _ in choose_keys(self._files(), Path(take), number)]
 
     def compose(self, meeting: Literal["smooth", "switch"] = "smooth") -> Composition:
@@ -90,7 +90,7 @@ class KeyPoses:
         """Return up to ``count`` frames of a ``performance`` of the source that would help most as keys."""
         transfer = load_keys(self._files()).transfer
         poses = checks.performance_of(performance, transfer.source).coefficients
-        return helpful_frames(transfer, poses, int(checks.number(count, 1, _MOST, "The number of frames")))
+        return helpful_frames(transfer, poses, int(checks.number(count, 1, MOST_KEYS, "The number of frames")))
 
     def _files(self) -> KeyFolder:
         return KeyFolder.read(self.folder)

@@ -23,6 +23,7 @@ from faceposer.session.transferred import transferred
 from faceposer.sketch.inbetweens import Inbetweens
 from faceposer.solve.problem import RECORDED_SPREAD
 from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair
+from faceposer.transfer.source_heads import HeadTransfer
 from faceposer.transfer.transfer import Method, Transfer, make_transfer
 
 _LARGEST_SMOOTHNESS = 1e6
@@ -189,9 +190,9 @@ class MotionMixin:
         if keys is not None:
             folder = KeyFolder.read(Path(keys))
             check_characters(folder, session.model, name)
-            loaded = load_keys(folder, "weights", source=session.model)
+            loaded = load_keys(folder, "weights")
             _warn(keys, loaded.notes)
-            transfer = loaded.transfer
+            transfer = HeadTransfer(loaded.transfer, session.model)
         else:
             transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)
         document = transferred(session.document, session.coefficients, transfer, name, target)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import output_path, whole_number
 from faceposer.cli.progress_line import ProgressLine
-from faceposer.errors import counted, printable
+from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_folder_of, check_not_input, check_output, check_sequence_folder
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from faceposer.transfer.examples import ExampleTransfer
 
 NAME = "keys"
-_MOST_KEYS = 400
 
 
 def add_parser(commands: Any) -> None:
@@ -30,23 +29,23 @@ def add_parser(commands: Any) -> None:
     _add_init(actions)
     _add_add(actions)
     remove = actions.add_parser("remove", help="remove a pair", description="Remove a pair of key poses.")
-    remove.add_argument("folder", type=Path, metavar="DIR", help="folder of keys")
+    remove.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
     remove.add_argument("name", metavar="NAME", help="name of the key")
     choose = actions.add_parser(
         "choose",
         help="add the frames of an animation that help most",
-        description="Add the frames of an animation that help most as keys; the target's poses are proposed.",
+        description="Add the frames of an animation that help most as key poses; the target's poses are proposed.",
     )
-    choose.add_argument("folder", type=Path, metavar="DIR", help="folder of keys")
+    choose.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
     choose.add_argument("take", type=Path, metavar="TAKE", help="weights of the source (.csv, .txt, .json, .glb)")
     choose.add_argument("--count", type=_count, metavar="N", default=5, help="number of keys to add (default: 5)")
     compose = actions.add_parser(
         "compose",
-        help="combine emotional and verbal keys",
+        help="combine emotional and verbal key poses",
         description="Add the combination of each emotional key (tag 'expression') with each verbal key (tag 'viseme'). "
         "Combinations made before are made again.",
     )
-    compose.add_argument("folder", type=Path, metavar="DIR", help="folder of keys")
+    compose.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
     compose.add_argument(
         "--printed", action="store_true", help="switch between both kinds at the importance .5, as in the paper"
     )
@@ -55,18 +54,18 @@ def add_parser(commands: Any) -> None:
         help="write the importance of each vertex for speech",
         description="Write the importance of each vertex for speech, as an image or as arrays.",
     )
-    importance.add_argument("folder", type=Path, metavar="DIR", help="folder of keys")
+    importance.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
     importance.add_argument("-o", "--output", type=output_path, metavar="OUT", required=True, help=".png or .npz")
     importance.add_argument(
         "--side", choices=("source", "target"), default="source", help="character (default: source)"
     )
     check = actions.add_parser(
         "check",
-        help="check the keys, and their coverage of an animation",
+        help="check the key poses, and their coverage of an animation",
         description="Check that the keys can be used. With --on, report how far frames of an animation are from all "
         "keys, and which frames would help most as keys.",
     )
-    check.add_argument("folder", type=Path, metavar="DIR", help="folder of keys")
+    check.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
     check.add_argument("--on", type=Path, metavar="TAKE", help="weights of the source (.csv, .txt, .json, .glb)")
     check.add_argument("--count", type=_count, metavar="N", default=5, help="number of frames to name (default: 5)")
     check.add_argument("--json", type=output_path, metavar="OUT", help="file for the report")
@@ -75,9 +74,9 @@ def add_parser(commands: Any) -> None:
 def _add_init(actions: Any) -> None:
     init = actions.add_parser(
         "init",
-        help="create a folder of keys",
-        description="Create a folder of keys from the pose libraries of two characters; poses that the target lacks "
-        "are proposed by a transfer, for you to edit.",
+        help="create a folder of key poses",
+        description="Create a folder of key poses from the pose libraries of two characters; poses that the target "
+        "lacks are proposed by a transfer, for you to edit.",
     )
     init.add_argument("source", metavar="SOURCE", help="character that plays: a name or a character file (.npz)")
     init.add_argument(
@@ -93,7 +92,7 @@ def _add_init(actions: Any) -> None:
 
 def _add_add(actions: Any) -> None:
     add = actions.add_parser("add", help="add or replace a pair", description="Add or replace a pair of key poses.")
-    add.add_argument("folder", type=Path, metavar="DIR", help="folder of keys")
+    add.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
     add.add_argument("name", metavar="NAME", help="name of the key")
     for side in ("source", "target"):
         remark = "" if side == "source" else " (default: a proposal)"
@@ -119,9 +118,11 @@ def _add_proposal(parser: argparse.ArgumentParser) -> None:
 
 
 def _count(text: str) -> int:
-    count = whole_number(text, 1, _MOST_KEYS)
+    from faceposer.transfer.examples import MOST_KEYS
+
+    count = whole_number(text, 1, MOST_KEYS)
     if count is None:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {_MOST_KEYS}")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 to {MOST_KEYS}")
     return count
 
 
@@ -181,12 +182,15 @@ def _pose(path: Path) -> "Pose":
 
 def _add(options: argparse.Namespace) -> int:
     from faceposer.session.key_edits import add_key
-    from faceposer.session.key_folder import KeyFolder
+    from faceposer.session.key_folder import KeyFolder, KeyTakenError
 
     keys = KeyFolder.read(options.folder)
-    name, note = add_key(
-        keys, options.name, options.source, options.target, options.frame, options.replace, options.propose
-    )
+    try:
+        name, note = add_key(
+            keys, options.name, options.source, options.target, options.frame, options.replace, options.propose
+        )
+    except KeyTakenError as error:
+        raise FacePoserError(f"{error.taken}; choose another name, or add --replace.") from error
     print(printable(f"{options.folder}: key '{name}' written{f'. {note}' if note else ''}"))
     return 0
 
@@ -230,6 +234,10 @@ def _compose(options: argparse.Namespace) -> int:
         f"{options.folder}: {counted(report.composed, 'key')} composed of {report.expressions} emotional and "
         f"{report.visemes} verbal ones; {report.keys} with the neutral face"
     )
+    if report.kept:
+        print(
+            f"{counted(report.kept, 'combination')} kept as you changed them; remove one before you compose it again."
+        )
     return 0
 
 

@@ -11,7 +11,8 @@ _REMEDIES: dict[Kind, str] = {
     "weights": f"{_ANIMATION}, and 'faceposer export CHARACTER --pose FILE -o OUT.obj' a pose",
     "trajectories": f"{_ANIMATE}, and 'faceposer train --markers FILE' learns a character from them",
     "table": f"{_ANIMATION}; {_ANIMATE}",
-    "pose": "a pose of the library is applied in the window, or by 'Face.apply_pose' in Python",
+    "pose": "a pose of the library is applied in the window, or by 'Face.apply_pose' in Python; 'faceposer transfer "
+    "FILE CHARACTER -o OUT.json' makes a session of it",
     "rig": f"'faceposer train --rig FILE -o OUT.npz' makes a character of a rig; {_ANIMATION}",
     "mesh": "'faceposer export CHARACTER --pose FILE -o OUT.json' reads a posed mesh, and 'faceposer train --rig "
     "FOLDER -o OUT.npz' a folder of shapes",

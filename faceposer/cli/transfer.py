@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from faceposer.model.face_model import FaceModel
     from faceposer.model.performance import Performance
     from faceposer.session.document import Document
+    from faceposer.transfer.source_heads import HeadTransfer
     from faceposer.transfer.transfer import Transfer
 
 NAME = "transfer"
@@ -41,7 +42,7 @@ def add_parser(commands: Any) -> None:
         "source",
         type=Path,
         metavar="SOURCE",
-        help="session, capture (.csv, .txt), weights (.json, .glb) or posed mesh (.obj, .ply)",
+        help="session, pose, capture (.csv, .txt), weights (.json, .glb) or posed mesh (.obj, .ply)",
     )
     parser.add_argument(
         "target",
@@ -62,7 +63,7 @@ def add_parser(commands: Any) -> None:
         "--from",
         dest="character",
         metavar="CHARACTER",
-        help="character of a source that is not a session (default: man)",
+        help="character of a source that is not a session (default: that of a pose, or man)",
     )
     parser.add_argument(
         "--method",
@@ -170,11 +171,12 @@ def _check_method(options: argparse.Namespace) -> None:
         raise FacePoserError("--keys and --regions apply to the method 'examples' only; add --method examples.")
 
 
-def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[Transfer, FaceModel]":
+def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[HeadTransfer, FaceModel]":
     """Return the transfer by the keys of the folder, and the model of its results."""
     from faceposer.cli.opening import print_notes
     from faceposer.session.key_folder import KeyFolder
     from faceposer.session.keys import check_characters, load_keys
+    from faceposer.transfer.source_heads import HeadTransfer
 
     keys = KeyFolder.read(options.keys)
     check_characters(keys, source, options.target)
@@ -185,27 +187,29 @@ def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[Tra
             "output that ends in .obj, .ply, .glb, .png, .gif or .mp4."
         )
     # Sessions and weights are of the character's own shapes.
-    loaded = load_keys(keys, "weights" if suffix in (".json", ".csv") else "auto", options.regions, source)
+    loaded = load_keys(keys, "weights" if suffix in (".json", ".csv") else "auto", options.regions)
     print_notes(options.keys, loaded.notes)
-    return loaded.transfer, loaded.transfer.target
+    return HeadTransfer(loaded.transfer, source), loaded.transfer.target
 
 
 def _tell_reach(keys: Path, transfer: "Transfer", performance: "Performance") -> None:
     """Print a note if frames are far outside the keys."""
     from faceposer.cli.opening import print_notes
-    from faceposer.transfer.examples import ExampleTransfer
     from faceposer.transfer.key_coverage import coverage
+    from faceposer.transfer.source_heads import HeadTransfer
 
-    assert isinstance(transfer, ExampleTransfer)
-    reach = coverage(transfer, performance.coefficients)
+    assert isinstance(transfer, HeadTransfer)
+    reach = coverage(transfer.keys, transfer.converted(performance.coefficients))
     if reach.missed > _MUCH_MISSED or reach.strengths.max() > _STRONG:
         worst = int(reach.distances.argmax())
         where = f" in frame {worst}" if len(performance) > 1 else ""
+        most = reach.strengths.max()
+        strong = f", and are exaggerated up to {most:.1f} times" if most > 1.0 else ""
         print_notes(
             keys,
             f"The source is outside the keys: they miss {100 * reach.missed:.0f} % of its motion, up to "
-            f"{10 * reach.distances[worst]:.1f} mm{where}, and are exaggerated up to {reach.strengths.max():.1f} "
-            "times; 'keys check --on' names frames that would help as keys.",
+            f"{10 * reach.distances[worst]:.1f} mm{where}{strong}; 'keys check --on' names frames that would help as "
+            "keys.",
         )
 
 
@@ -231,6 +235,7 @@ def _source(options: argparse.Namespace) -> _Source:
     from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
     from faceposer.interchange.reading import read_performance, read_pose
     from faceposer.model.performance import Performance
+    from faceposer.session.file_kinds import kind_of
     from faceposer.session.opening import load_model
     from faceposer.training.recordings import WEIGHTS
 
@@ -238,9 +243,11 @@ def _source(options: argparse.Namespace) -> _Source:
     suffix = path.suffix.lower()
     if suffix not in POSED_MESH_SUFFIXES + WEIGHTS:
         raise FacePoserError(
-            f"'{path}' is not a supported source; give a session (.json), weights ({', '.join(WEIGHTS)}) or a posed "
-            f"mesh ({', '.join(POSED_MESH_SUFFIXES)})."
+            f"'{path}' is not a supported source; give a session or a pose (.json), weights ({', '.join(WEIGHTS)}) or "
+            f"a posed mesh ({', '.join(POSED_MESH_SUFFIXES)})."
         )
+    if suffix == ".json" and kind_of(path) == "pose":
+        return _pose_source(options)
     if suffix == ".json" and not _holds_weights(path):
         if options.character is not None or options.frames is not None or options.rate is not None:
             raise FacePoserError(
@@ -265,6 +272,30 @@ def _source(options: argparse.Namespace) -> _Source:
         raise FacePoserError(f"'{path}' has {counted(len(poses), 'frame')}, none of them in the range of --frames.")
     performance = Performance(chosen, read.performance.rate)
     return _Source(model, performance, performance)
+
+
+def _pose_source(options: argparse.Namespace) -> _Source:
+    """Return the source that is a pose of the library, on the character that it was made on or that is given."""
+    from faceposer.model.performance import Performance
+    from faceposer.poses.applying import applied
+    from faceposer.poses.pose_file import read_pose
+    from faceposer.session.opening import load_model
+
+    path: Path = options.source
+    if options.frames is not None or options.rate is not None:
+        raise FacePoserError(f"'{path}' is a single pose; leave out --frames and --rate.")
+    pose = read_pose(path)
+    try:
+        model = load_model(options.character or pose.character or "man")
+    except FacePoserError as error:
+        if options.character is not None:
+            raise
+        raise FacePoserError(
+            f"The pose '{path}' was made on the character '{pose.character}', which is not known here; give its file "
+            "with --from."
+        ) from error
+    still = Performance(applied(model, model.neutral(), pose)[None], _DEFAULT_RATE)
+    return _Source(model, still, still)
 
 
 def _holds_weights(path: Path) -> bool:
@@ -292,7 +323,7 @@ def _write_session(options: argparse.Namespace, source: _Source, transfer: "Tran
     document = replace(document, contact=document.contact and options.contact)
     write_document(options.output, document.with_version_data(target))
     keys = 0 if document.keyframes is None else len(document.keyframes.keys)
-    content = f"{keys} keys" if keys else "pose"
+    content = counted(keys, "key frame") if keys else "pose"
     print(f"{options.output} written: {content} by {options.method}")
 
 

@@ -46,7 +46,7 @@ def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
+def atomic_files(paths: Sequence[Path], kind: str, durable: bool = True) -> Iterator[list[Path]]:
     """Yield temporary paths next to ``paths`` that replace all of them at the end of the block, or none.
 
     As in ``atomic_file``, links remain.
@@ -54,6 +54,7 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
     Args:
         paths: The files, at least one, in the order of replacement; their folders must exist. Messages name the last.
         kind: Noun for messages, such as "mesh".
+        durable: See ``atomic_file``.
 
     Raises:
         FacePoserError: If a file cannot be written; the old files are then restored.
@@ -70,10 +71,10 @@ def atomic_files(paths: Sequence[Path], kind: str) -> Iterator[list[Path]]:
         for folder in {file.parent for file in files}:
             remove_left(folder)
         yield temporaries
-        for temporary in temporaries:
+        for temporary in temporaries if durable else ():
             _sync(temporary, os.O_RDWR)
         _replace_all(files, temporaries, backups)
-        for folder in {file.parent for file in files}:
+        for folder in {file.parent for file in files} if durable else ():
             _sync_folder(folder)
     except OSError as error:
         raise FacePoserError(_cannot(kind, paths[-1], error)) from error

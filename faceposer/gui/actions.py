@@ -31,6 +31,7 @@ class Action:
         separated: True if menus draw a separator above the entry.
         help: One sentence for a tooltip, or "".
         listed: True if menus and the list of keys show the action; all are in the command palette.
+        also: Title of another menu that shows the action, too, or "".
     """
 
     name: str
@@ -44,6 +45,7 @@ class Action:
     separated: bool = False
     help: str = ""
     listed: bool = True
+    also: str = ""
 
     @property
     def shortcut(self) -> str:
@@ -121,8 +123,10 @@ class Actions:
         return list(dict.fromkeys(item.menu for item in self._items))
 
     def items(self, menu: str) -> list[Action | Submenu]:
-        """Return the entries of ``menu``, in order."""
-        entries = (item for item in self._items if item.menu == menu)
+        """Return the entries of ``menu``, in order; those of other menus that it shows, too, are first."""
+        entries = (
+            item for item in self._items if item.menu == menu or (isinstance(item, Action) and item.also == menu)
+        )
         current = (item if isinstance(item, Submenu) else self._by_name[item.name] for item in entries)
         return [item for item in current if isinstance(item, Submenu) or item.listed]
 

@@ -169,6 +169,9 @@ class EditorContext(Protocol):
     def set_ui_scale(self, scale: float) -> None:
         """Scale text and panels by ``scale``."""
 
+    def show_tab(self, title: str) -> None:
+        """Show the tab ``title`` of the side panel."""
+
     def dismiss_guide(self) -> None:
         """Close the guided pose, if it is open."""
 

@@ -4,10 +4,12 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import moderngl
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.picture_view import View
 from faceposer.gui.context import F
 from faceposer.gui.events import Modifiers
 from faceposer.gui.features import build_features
@@ -94,7 +96,12 @@ class Editor:
         self.features = build_features(self)
         self.recovery = self.features[RecoveryFeature]
         self.files = SessionFiles(
-            self, self.new_worker, self.set_session, lambda: self.features.quit_question, self.request_close
+            self,
+            self.new_worker,
+            self.set_session,
+            lambda: self.features.quit_question,
+            self.features.leave,
+            self.request_close,
         )
         self.actions = build_actions(self)
         self.actions.set_keys(self.settings.keys)
@@ -104,6 +111,7 @@ class Editor:
         self.comparing, self.wireframe, self.points_shown, self.panel_shown = False, False, True, True
         self.shading: Shading = "full"
         self.highlighted: int | None = None
+        self.wanted_tab = ""
         self.debug = bool(os.environ.get("FACEPOSER_DEBUG"))
         self.frame_seconds = 0.0
         self.closing = False
@@ -112,6 +120,8 @@ class Editor:
         self._notice_until = 0.0
         self.drawn_constraints = self._new_drawn_constraints(session)
         self._mode: Mode = "live"
+        # Views of sessions that were left: those that return, such as after the edit of a key pose, have theirs again.
+        self._views: WeakKeyDictionary[Session, View] = WeakKeyDictionary()
         self.set_session(session)
         self.files.remember(what)
 
@@ -130,6 +140,7 @@ class Editor:
         """Edit ``session`` from now on."""
         self.toolbox.cancel()
         if session is not self.session:
+            self._views[self.session] = self.viewport.view
             self.session.close()
         self.session = self.viewport.session = session
         session.mode = self._mode
@@ -140,8 +151,10 @@ class Editor:
             self.toolbox.choose(chosen.name)
         self.drawn_constraints = self._new_drawn_constraints(session)
         self.comparing = False
-        camera = session.document.camera
-        if camera is None:
+        camera, view = session.document.camera, self._views.pop(session, None)
+        if view is not None:
+            self.viewport.view = view
+        elif camera is None:
             self.viewport.view = self.viewport.framed()
         else:
             self.viewport.look_through(camera)
@@ -298,6 +311,11 @@ class Editor:
     def set_ui_scale(self, scale: float) -> None:
         """Scale text and panels by ``scale``."""
         self.settings.ui_scale = self.window.zoom = scale
+        self.redraw()
+
+    def show_tab(self, title: str) -> None:
+        """Show the tab ``title`` of the side panel."""
+        self.panel_shown, self.wanted_tab = True, title
         self.redraw()
 
     def dismiss_guide(self) -> None:

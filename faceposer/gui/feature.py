@@ -56,6 +56,10 @@ class Feature:
         """Question before the window closes, with the choice to continue first; None if nothing would be lost."""
         return None
 
+    def leave(self, proceed: Callable[[], None]) -> bool:
+        """Ask about work of the feature before the session is left; return True if it calls ``proceed`` afterwards."""
+        return False
+
     def contains(self, position: Pixel) -> bool:
         """Return True if a window of the feature over the view covers ``position``, in window units."""
         return False
@@ -182,6 +186,10 @@ class Features:
     def quit_question(self) -> Question | None:
         """First question before the window closes, if any."""
         return next((q for q in (feature.quit_question for feature in self._features) if q is not None), None)
+
+    def leave(self, proceed: Callable[[], None]) -> bool:
+        """Let the first feature that has work of its own ask about it; return True if one calls ``proceed``."""
+        return any(feature.leave(proceed) for feature in self._features)
 
     def contains(self, position: Pixel) -> bool:
         """Return True if a window of any feature covers ``position``."""

@@ -103,8 +103,9 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
         bar = imgui.begin_tab_bar("##tabs", imgui.TabBarFlags_.fitting_policy_scroll.value)
     if bar:
         for title, draw, text in _tabs(context):
+            flags = imgui.TabItemFlags_.set_selected.value if title == context.wanted_tab else 0
             with _narrow():
-                chosen, _ = imgui.begin_tab_item(title)
+                chosen, _ = imgui.begin_tab_item(title, None, flags)
             context.widget_rects.record(f"tab:{title}")
             tooltip(f"{title}\n{text}")
             if chosen:
@@ -113,6 +114,7 @@ def _draw_panel(context: Shell, position: tuple[float, float], size: tuple[float
                 imgui.end_child()
                 imgui.end_tab_item()
         imgui.end_tab_bar()
+        context.wanted_tab = ""
     if not low:
         draw_save_buttons(context)
     imgui.end()

@@ -1,6 +1,7 @@
 """The table of all actions in menus and on keys."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from faceposer.gui.actions import Action, Actions, Submenu
@@ -18,6 +19,10 @@ _VIEWS = (
     ("top", "Top", "7"),
     ("bottom", "Bottom", "Ctrl+7"),
 )
+
+
+# Entries of the menu "File" that make characters.
+_CHARACTERS = ("import", "scan", "photo-head")
 
 
 def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> list[Action]:
@@ -75,6 +80,38 @@ def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> lis
     return [*tools, symmetry, *brushes, *nudges]
 
 
+def _file_entries(context: Shell, idle: Callable[[], bool], others: list[Action | Submenu]) -> list[Action | Submenu]:
+    """Return the entries of the menu "File" in groups: sessions, files, characters, saving, the end."""
+    files = context.files
+    opened = Action("open", "Open...", "File", files.open_dialog, ("Ctrl+O",), help="Open a session or a character")
+    groups: list[list[Action | Submenu]] = [
+        [
+            Action("new", "New", "File", files.new, ("Ctrl+N",), idle, help="Start a new session with this character"),
+            Submenu("new-with", "New with", "File", files.new_with, idle),
+        ],
+        [
+            opened,
+            Submenu("open-recent", "Open recent", "File", files.recent.entries, lambda: bool(context.settings.recent)),
+            *(entry for entry in others if entry.label.startswith("Open")),
+        ],
+        [entry for entry in others if entry.name in _CHARACTERS],
+        [
+            Action("save", "Save", "File", files.save, ("Ctrl+S",), help="Save the session"),
+            Action("save-as", "Save as...", "File", files.save_as, ("Ctrl+Shift+S",)),
+        ],
+        [
+            Action("export", "Save OBJ", "File", files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
+            Action("export-as", "Save OBJ as...", "File", files.export_as, ("Ctrl+Shift+E",)),
+        ],
+        [Action("quit", "Quit", "File", files.quit, ("Ctrl+Q",))],
+    ]
+    placed = {entry.name for group in groups for entry in group}
+    groups[-2] += [entry for entry in others if entry.name not in placed]
+    return [
+        replace(entry, separated=i == 0 and group is not groups[0]) for group in groups for i, entry in enumerate(group)
+    ]
+
+
 def build_actions(context: Shell) -> Actions:
     """Return the actions of ``context``, in the order of its menus."""
     do = Commands(context)
@@ -93,38 +130,12 @@ def build_actions(context: Shell) -> Actions:
         return idle() and (context.toolbox.can_step_forward or context.session.can_redo)
 
     entries = context.features.actions()
-    # These two have a fixed place in the menus.
-    importing, guide = entries.pop("import"), entries.pop("guide")
+    # This one has a fixed place in the menus.
+    guide = entries.pop("guide")
     others = list(entries.values())
     return Actions(
         [
-            Action(
-                "new",
-                "New",
-                "File",
-                context.files.new,
-                ("Ctrl+N",),
-                idle,
-                help="Start a new session with this character",
-            ),
-            Submenu("new-with", "New with", "File", context.files.new_with, idle),
-            Action(
-                "open", "Open...", "File", context.files.open_dialog, ("Ctrl+O",), help="Open a session or a character"
-            ),
-            Submenu(
-                "open-recent",
-                "Open recent",
-                "File",
-                context.files.recent.entries,
-                lambda: bool(context.settings.recent),
-            ),
-            importing,
-            Action("save", "Save", "File", context.files.save, ("Ctrl+S",), separated=True, help="Save the session"),
-            Action("save-as", "Save as...", "File", context.files.save_as, ("Ctrl+Shift+S",)),
-            Action("export", "Save OBJ", "File", context.files.export, ("Ctrl+E",), help="Save the posed face as OBJ"),
-            Action("export-as", "Save OBJ as...", "File", context.files.export_as, ("Ctrl+Shift+E",)),
-            *(entry for entry in others if entry.menu == "File"),
-            Action("quit", "Quit", "File", context.files.quit, ("Ctrl+Q",), separated=True),
+            *_file_entries(context, idle, [entry for entry in others if entry.menu == "File"]),
             Action("undo", "Undo", "Edit", do.undo, ("Ctrl+Z",), can_undo, repeats=True),
             Action(
                 "redo",

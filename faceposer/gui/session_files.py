@@ -52,6 +52,7 @@ class SessionFiles:
         new_worker: Callable[[], Worker],
         set_session: Callable[[Session], None],
         quit_question: Callable[[], Question | None],
+        leave: Callable[[Callable[[], None]], bool],
         end: Callable[[], None],
     ) -> None:
         """Act on ``context``.
@@ -61,11 +62,12 @@ class SessionFiles:
             new_worker: Returns a solver for a session.
             set_session: Changes the edited session.
             quit_question: Returns the question of features before the window closes, if any.
+            leave: Asks about work of features before the session is left; returns True if it goes on by itself.
             end: Closes the window.
         """
         self._context = context
         self._new_worker, self._set_session = new_worker, set_session
-        self._quit_question, self._end = quit_question, end
+        self._quit_question, self._leave, self._end = quit_question, leave, end
         self.export_path: Path | None = None
         self.meshes_saved = 0
         self._open_file = OpenFile(open_files_folder()) if context.keeps_journal else None
@@ -350,6 +352,8 @@ class SessionFiles:
         context = self._context
         context.toolbox.finish()
         context.slider_edit.let_go()
+        if self._leave(go_on):
+            return
         if not context.session.dirty:
             go_on()
             return

@@ -27,6 +27,7 @@ class Shell(EditorContext, Protocol):
         pose_panel: Panel of solver settings.
         constraints_panel: Panel of constraints.
         shapes_panel: Panel of shapes.
+        wanted_tab: Title of the tab to be shown in the next frame, or "".
     """
 
     window: Window
@@ -37,6 +38,7 @@ class Shell(EditorContext, Protocol):
     pose_panel: PosePanel
     constraints_panel: ConstraintsPanel
     shapes_panel: ShapesPanel
+    wanted_tab: str
 
     def face_image(self, size: tuple[int, int]) -> moderngl.Texture:
         """Return the image of the face for the view, of at most ``size`` pixels."""

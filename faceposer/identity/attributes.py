@@ -159,7 +159,7 @@ class HeadAttributes:
             skin: A head.
             values: Values by name of attribute. Of one ethnicity, the others make up for it in equal parts.
             keep: Attributes that are to keep their values besides. If None, attributes of the person keep each other,
-                and the face changes with them; attributes of the face then keep all others within a twelfth of their
+                and the face changes with them; attributes of the face then keep all others within 8 % of their
                 range, which takes less unlikely heads than to keep them exactly.
             seed: Pattern by which a symmetric head becomes asymmetric.
 

@@ -15,14 +15,14 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.identity.attributes import PERSON, load_attributes
 from faceposer.identity.eye_colour import eye_texture, random_eye_colour
 from faceposer.identity.head import HeadMaker
-from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.identity import MOST, Identity, SkinTexture, is_editable
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.segments import Segments
 from faceposer.identity.skin_following import NATURAL_LABELS, following_skin
 from faceposer.identity.skin_layers import SkinLayers, random_layers
 from faceposer.identity.skin_reading import layers_of
-from faceposer.identity.template import HeadTemplate, head_template
+from faceposer.identity.template import HeadTemplate
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
@@ -32,8 +32,6 @@ Array = NDArray[np.float64]
 # Largest and least standard deviation in centimetres of what a character's own head has outside the statistics, per
 # coordinate, number of vertices in which that counts as independent, and rounds in which it is estimated.
 _NOISE, _LEAST_NOISE, _INDEPENDENT, _ROUNDS = 0.3, 0.005, 200, 5
-#: Multiples of the deviation from the average at which a caricature becomes grotesque.
-GROTESQUE = 2.5
 
 
 class HeadEditor:
@@ -168,7 +166,9 @@ class HeadEditor:
             textures=textures,
         )
 
-    def preview(self, model: FaceModel, pose: ArrayLike, identity: Identity) -> NDArray[np.float32]:
+    def preview(
+        self, model: FaceModel, pose: ArrayLike, identity: Identity, contact: bool = False
+    ) -> NDArray[np.float32]:
         """Return approximate vertices of ``identity`` in a pose, shape (N, 3), quick enough for each frame of a drag.
 
         The displacements of the pose are those of the present head.
@@ -177,12 +177,13 @@ class HeadEditor:
             model: Face model of the present head of this character.
             pose: Its coefficients, shape (r,).
             identity: The head to show.
+            contact: Apply the contact step of the present head.
         """
         head = self.maker.head(self.skin(identity)).vertices
         moved = head - model.character.vertices
         lashes, lids = self._lashes
         moved[lashes] = moved[lids]
-        result: NDArray[np.float32] = (model.surface(pose) + moved).astype(np.float32)
+        result: NDArray[np.float32] = (model.surface(pose, contact) + moved).astype(np.float32)
         return result
 
     @cached_property
@@ -267,9 +268,17 @@ class HeadEditor:
         return Identity.of(shape, detail, kept.texture)
 
     def own_texture(self) -> SkinTexture:
-        """Return the texture of the model that is most like the character's own, and its layers."""
+        """Return the texture of the model that is most like the character's own, and its layers.
+
+        Raises:
+            FacePoserError: If the character's image cannot be read.
+        """
         model = load_texture_model()
         data = self.character.textures.get("skin")
+        if reason := self.character.damaged_textures.get("skin"):
+            raise FacePoserError(
+                f"The image of the skin of '{self.character.title}' cannot be read: {reason}; choose another skin."
+            )
         if data is None:
             return SkinTexture((0.0,) * model.n_coefficients)
         picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
@@ -309,7 +318,12 @@ class HeadEditor:
         if identity.shape.shape != expected or len(identity.detail_steps) not in (0, n):
             raise FacePoserError(
                 f"The identity has coefficients of shape {identity.shape.shape} and {len(identity.detail_steps)} "
-                f"places of detail instead of {expected} and {n}; it was made with another version of the model."
+                f"places of detail instead of {expected} and {n}: it was made with another version of the model; "
+                "restore the head of the character's file, and change it again."
+            )
+        if not np.abs(identity.shape).max() <= MOST:
+            raise FacePoserError(
+                f"The head would be more than {MOST:g} standard deviations from the average; exaggerate it less."
             )
 
 
@@ -337,17 +351,6 @@ def textures_of(texture: SkinTexture) -> dict[str, bytes]:
     if texture.eyes is not None:
         images["eye"] = eye_texture(texture.eyes)
     return images
-
-
-def is_editable(character: Character) -> bool:
-    """Return True if ``character`` has the parts and the topology of the shipped heads, so that its head can change."""
-    reference = HeadMaker.shipped().reference
-    return (
-        [part.name for part in character.parts] == [part.name for part in reference.parts]
-        and character.vertices.shape == reference.vertices.shape
-        and character.shape_names == reference.shape_names
-        and head_template().has_topology_of(character)
-    )
 
 
 @lru_cache(maxsize=2)

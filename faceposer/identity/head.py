@@ -1,6 +1,5 @@
 """Heads: everything that a character needs, carried from a shipped head to the skin of another one."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -139,41 +138,6 @@ class HeadMaker:
             ids = self._ids(f"lashes_{side.lower()}")
             head.vertices[ids] = np.concatenate([strip.reshape(-1, 3) for strip, _ in strips])
             result[:, ids] = np.concatenate([offsets.reshape(len(names), -1, 3) for _, offsets in strips], axis=1)
-        return result
-
-    def preview(self, skin: ArrayLike, weights: Mapping[str, float]) -> Floats:
-        """Return the vertices of the head with ``skin``, (n, 3), in a pose, shape (N, 3), for display while it changes.
-
-        It takes a fraction of the time of `shapes`, and differs from them by the correction of blinks and of lids that
-        follow the gaze: lids are at most about a millimetre from their places.
-
-        Raises:
-            FacePoserError: As `head`.
-        """
-        head = self.head(skin)
-        names, given = self.reference.shape_names, self.reference.shapes
-        values = np.array([weights.get(name, 0.0) for name in names])
-        used = np.flatnonzero(values)
-        offsets = np.tensordot(values[used], given[used], 1)
-        n, opened = self.n_skin, values[self._open]
-        rest = head.vertices[:n]
-        result = head.vertices.copy()
-        result[:n] += np.einsum("nij,nj->ni", head.maps, offsets[:n])
-        if opened or values[self._close]:
-            carried = np.einsum("nij,nj->ni", head.maps, given[self._open, :n])
-            particular = self.lips.opening(rest, head.maps, head.mouth) - carried
-            result[:n] += (opened - values[self._close] * self.lips.closing[:, None]) * particular
-        for side, ball in head.balls.items():
-            ids, eye = self._ids(f"eye_{side.lower()}"), self._eyes[side]
-            result[ids] += ball.radius / eye.ball.radius * offsets[ids]
-            ids, roots = self._ids(f"lashes_{side.lower()}"), self._roots[side]
-            away = (self.reference.vertices + offsets)[ids] - (self._rest + offsets[:n])[roots]
-            result[ids] = result[roots] + ball.radius / eye.ball.radius * away
-        for name in _MOUTH_PARTS:
-            ids = self._ids(name)
-            jaw = given[self._open, ids].astype(np.float64)
-            particular = self.lips.carry_opening(jaw, self._jaw_share[ids], head.mouth) - head.mouth.scale * jaw
-            result[ids] += head.mouth.scale * offsets[ids] + opened * particular
         return result
 
     def _ids(self, name: str) -> slice:

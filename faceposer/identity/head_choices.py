@@ -7,11 +7,11 @@ from collections.abc import Collection, Mapping
 
 from faceposer.errors import FacePoserError, short_name
 from faceposer.identity.attributes import ETHNICITIES, HeadAttributes
-from faceposer.identity.caricature import GROTESQUE
 from faceposer.identity.editing import HeadEditor
-from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.identity import GROTESQUE, Identity, SkinTexture
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
+from faceposer.model.character_names import joined_credits
 
 #: Skins that are not names of the texture model: a random one, and the character's own image.
 RANDOM_SKIN, OWN_SKIN = "random", "own"
@@ -184,8 +184,4 @@ def named_character(editor: HeadEditor, identity: Identity, name: str, title: st
         sources.append(editor.model.credits)
     if identity.texture is not None:
         sources.append(load_texture_model().credits)
-    credits: list[str] = []
-    for text in sources:
-        if text and not any(text in before for before in credits):
-            credits.append(text)
-    return dataclasses.replace(character, name=name, title=title, credits=" ".join(credits))
+    return dataclasses.replace(character, name=name, title=title, credits=joined_credits(*sources))

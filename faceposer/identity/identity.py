@@ -15,13 +15,16 @@ from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
 from faceposer.identity.skin_layers import Colour, SkinLayers
 from faceposer.identity.template import head_template
+from faceposer.model.character import Character
 
 Array = NDArray[np.float64]
 
-#: Numbers of vertices and polygons of the characters whose heads the morphable model describes.
-HEAD_SIZE = (24758, 24208)
+#: ``Character.structure`` of the built-in man and of all characters whose heads the morphable model describes.
+HEAD_STRUCTURE = "16339b4a9ada2099c6273b55e4cb8eff"
 #: Largest coefficient in standard deviations in a file; nothing of the kind looks like a head.
 MOST = 100.0
+#: Factor on the deviation from the average at which a caricature becomes grotesque.
+GROTESQUE = 2.5
 #: Step of the detail in centimetres: 16 bits reach 6.5 cm in steps of 2 micrometres.
 STEP = 2e-4
 _LARGEST = 32767
@@ -137,6 +140,11 @@ def _texture_between(one: SkinTexture | None, other: SkinTexture | None, share: 
         return nearer
     mixed = _between(np.array(one.coefficients), np.array(other.coefficients), share)
     return SkinTexture(tuple(mixed.tolist()), nearer.layers, nearer.eyes)
+
+
+def is_editable(character: Character) -> bool:
+    """Return True if ``character`` has the structure of the built-in man, so that its head can change."""
+    return character.structure == HEAD_STRUCTURE
 
 
 class _LayersJson(JsonObject):

@@ -15,7 +15,6 @@ from scipy import sparse
 
 from faceposer.geometry.mirror import SurfaceMirror
 from faceposer.geometry.subdivision import Subdivision, catmull_clark
-from faceposer.model.character import Character
 from faceposer.model.character_file import load_character
 
 if TYPE_CHECKING:
@@ -110,12 +109,6 @@ class HeadTemplate:
         adjacent = ((adjacent + adjacent.T) > 0).astype(np.float64)
         laplacian = sparse.diags_array(adjacent.sum(axis=1)) - adjacent
         return linalg.splu((sparse.eye_array(n) + _SMOOTHNESS * (laplacian @ laplacian)).tocsc())
-
-    def has_topology_of(self, character: Character) -> bool:
-        """Return True if the skin of ``character`` has this topology, so that heads of the model fit it."""
-        part = character.parts[0]
-        polygons = character.polygons[slice(*part.polygons)]
-        return part.vertices == (0, self.n_skin) and np.array_equal(polygons, self.quads)
 
 
 @lru_cache(maxsize=1)

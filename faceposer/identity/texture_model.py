@@ -245,7 +245,10 @@ class TextureModel:
     def _checked(self, coefficients: ArrayLike) -> Array:
         given = np.asarray(coefficients, dtype=np.float64)
         if given.shape != (self.n_coefficients,) or not np.isfinite(given).all():
-            raise FacePoserError(f"A skin has {self.n_coefficients} finite coefficients.")
+            raise FacePoserError(
+                f"The skin has {given.size} coefficients instead of {self.n_coefficients} finite ones: it was made "
+                "with another version of the model; choose another skin."
+            )
         return given
 
     @cached_property

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.files.reading import open_file
+from faceposer.files.arrays import DamagedError, TooLargeError, read_arrays
 from faceposer.landmarks import layers
 from faceposer.resources import asset_path
 
 Floats = NDArray[np.float32]
 
 FORMAT = "faceposer.landmarks"
-_MAX_BYTES, _MAX_OPERATIONS = 8 << 20, 500
+_MAX_BYTES, _MAX_MEMBERS, _MAX_OPERATIONS = 8 << 20, 1000, 500
 
 
 @dataclass(frozen=True)
@@ -114,16 +114,16 @@ def load_networks(path: Path) -> dict[str, Network]:
         FacePoserError: If the file is missing, damaged or of another format.
     """
     try:
-        with open_file(path, _MAX_BYTES) as file, np.load(file, allow_pickle=False) as members:
-            meta = json.loads(bytes(members["meta"]).decode("utf-8"))
-            if meta["format"] != FORMAT:
-                raise ValueError("another format")
-            return {name: _network(name, facts, members) for name, facts in meta["networks"].items()}
+        members = read_arrays(path, _MAX_BYTES, _MAX_MEMBERS)
+        meta = json.loads(bytes(members["meta"]).decode("utf-8"))
+        if meta["format"] != FORMAT:
+            raise ValueError("another format")
+        return {name: _network(name, facts, members) for name, facts in meta["networks"].items()}
     except OSError as error:
         raise FacePoserError(
             f"The landmark networks '{path}' cannot be read ({error.strerror or 'damaged'}); install Face Poser again."
         ) from error
-    except Exception as error:  # damaged archives raise errors of zipfile, zlib and NumPy, besides those above
+    except (AttributeError, DamagedError, LookupError, RecursionError, TooLargeError, TypeError, ValueError) as error:
         raise FacePoserError(f"The landmark networks '{path}' are damaged; install Face Poser again.") from error
 
 

@@ -270,7 +270,7 @@ def _medians(places: Array, facing: Array, trust: Array) -> tuple[Array, NDArray
     total = weights.sum(axis=0)
     sizes = np.where(total > 0.0, total, 1.0)
     points = np.einsum("vn,vnd->nd", weights, filled) / sizes[:, None]
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if usable.any() else 0):
         distances = np.linalg.norm(filled - points, axis=2)
         shares = weights / np.maximum(distances, 1e-3 * max(float(np.median(distances[usable], axis=None)), 1e-12))
         points = np.einsum("vn,vnd->nd", shares, filled) / np.where(total > 0.0, shares.sum(axis=0), 1.0)[:, None]

@@ -42,7 +42,9 @@ def read_painted(what: str) -> PaintedMesh:
         mesh = replace(mesh, groups=(Group("", (0, len(mesh.polygons)), "scan"),))
         textures = {"scan": image}
     painted = painted_file(mesh, textures)
-    if not len(painted.triangles) or not np.isfinite(painted.vertices).all():
+    if not np.isfinite(painted.vertices).all():
+        raise FacePoserError(f"The mesh '{path}' has coordinates that are not finite numbers; save it again.")
+    if not len(painted.triangles):
         raise FacePoserError(f"The mesh '{path}' has no faces; choose a file with a surface.")
     return painted
 

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.files.reading import open_file
+from faceposer.files.arrays import DamagedError, TooLargeError, read_arrays
 from faceposer.landmarks.points import N_POINTS
 from faceposer.resources import asset_path
 
 Array = NDArray[np.float64]
 
-_MAX_BYTES = 8 << 20
+_MAX_BYTES, _MAX_MEMBERS = 8 << 20, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +54,17 @@ def load_reference(path: Path) -> Reference:
         FacePoserError: If the file is missing or damaged.
     """
     try:
-        with open_file(path, _MAX_BYTES) as file, np.load(file, allow_pickle=False) as members:
-            places, normals = (members[name].astype(np.float64) for name in ("reference", "normals"))
-            mirror = members["mirror"].astype(np.int64)
-            if places.shape != (N_POINTS, 3) or normals.shape != (N_POINTS, 3) or mirror.shape != (N_POINTS,):
-                raise ValueError("wrong shapes")
-            if not (np.isfinite(places).all() and np.isfinite(normals).all()):
-                raise ValueError("not finite")
-            if not np.array_equal(mirror[mirror], np.arange(N_POINTS)):
-                raise ValueError("partners do not match")
-            return Reference(places, normals, mirror)
-    except Exception as error:  # damaged archives raise errors of zipfile, zlib and NumPy
+        members = read_arrays(path, _MAX_BYTES, _MAX_MEMBERS, {"reference", "normals", "mirror"})
+        places, normals = (members[name].astype(np.float64) for name in ("reference", "normals"))
+        mirror = members["mirror"].astype(np.int64)
+        if places.shape != (N_POINTS, 3) or normals.shape != (N_POINTS, 3) or mirror.shape != (N_POINTS,):
+            raise ValueError("wrong shapes")
+        if not (np.isfinite(places).all() and np.isfinite(normals).all()):
+            raise ValueError("not finite")
+        if not np.array_equal(mirror[mirror], np.arange(N_POINTS)):
+            raise ValueError("partners do not match")
+        return Reference(places, normals, mirror)
+    except (DamagedError, LookupError, OSError, TooLargeError, ValueError) as error:
         raise FacePoserError(
             f"The landmarks of the man in '{path}' cannot be read; install Face Poser again."
         ) from error

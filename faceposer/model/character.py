@@ -1,16 +1,16 @@
 """Characters: a polygon mesh in named parts with facial shapes, textures, regions and feature points."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import hashlib
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.character_checks import SEE_THROUGH, check_character, damaged_textures
-from faceposer.model.expression_statistics import ExpressionStatistics
-from faceposer.model.origin import Origin
+from faceposer.model.character_data import CharacterData, Floats, Ints, Part
+
+__all__ = ["ARKIT_SHAPES", "Character", "Floats", "Ints", "Part"]
 
 #: The 52 facial action shapes of Apple's ARKit, in the order of its documentation.
 ARKIT_SHAPES: tuple[str, ...] = (
@@ -27,77 +27,14 @@ ARKIT_SHAPES: tuple[str, ...] = (
     *("cheekPuff", "cheekSquintLeft", "cheekSquintRight", "noseSneerLeft", "noseSneerRight", "tongueOut"),
 )
 
-Floats = NDArray[np.float32]
-Ints = NDArray[np.int32]
-
-
-@dataclass(frozen=True)
-class Part:
-    """A named part of a character, such as an eye: one material, and contiguous ranges of polygons and vertices.
-
-    Attributes:
-        name: Name such as "skin" or "eye_left".
-        material: "skin", "eye", "teeth", "gums", "tongue", "lashes", or "film" for transparent shells over an eye,
-            which are exported but not drawn.
-        polygons: Half-open range of polygons (first, end).
-        vertices: Half-open range of vertices (first, end).
-    """
-
-    name: str
-    material: str
-    polygons: tuple[int, int]
-    vertices: tuple[int, int]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Character:
-    """A character that can be posed: its neutral mesh with shapes, textures and names.
-
-    Units are centimetres; y is up, the face looks along +z, the character's left is +x, x = 0 is the plane of symmetry.
-
-    Attributes:
-        name: Short name for commands and files.
-        title: Display name.
-        vertices: Neutral positions, shape (N, 3).
-        polygons: Vertex ids of quads, shape (F, 4), counter-clockwise seen from outside; triangles end in -1.
-        uv: Texture coordinates, v up as in OBJ, shape (U, 2).
-        polygon_uvs: Indices into ``uv`` per polygon corner, shape (F, 4); -1 where ``polygons`` has -1.
-        parts: The parts in order; their ranges of polygons and vertices cover the whole mesh.
-        regions: Vertex ids by region name ("mouth", "brow_left", ...).
-        feature_points: Vertex id by MPEG-4 feature point ("8.3", ...).
-        feature_titles: Readable name of each feature point ("left mouth corner").
-        shape_names: Names of the S shapes.
-        shapes: Offsets from neutral, shape (S, N, 3); all zero for a shape that the character lacks. They are a rig's
-            shapes, or the principal modes of example meshes.
-        shape_limits: Least and greatest natural weight of each shape, shape (S, 2); 0 to 1 if empty.
-        textures: Encoded images (PNG or JPEG) by material, or by part name for a texture of one part.
-        credits: Source of the data and its licence.
-        statistics: Statistics of the shapes' weights; None for the shipped ones of ARKit's shapes.
-        origin: The mesh as in the source file; None if it does not differ.
-        summary: JSON object that reports the training and its quality.
+class Character(CharacterData):
+    """A character that can be posed: data that were checked, and what is computed from them.
 
     Raises:
         ValueError: If the arrays are inconsistent.
     """
-
-    name: str
-    title: str
-    vertices: Floats
-    polygons: Ints
-    uv: Floats
-    polygon_uvs: Ints
-    parts: tuple[Part, ...]
-    shape_names: tuple[str, ...]
-    shapes: Floats
-    regions: Mapping[str, Ints] = field(default_factory=dict)
-    feature_points: Mapping[str, int] = field(default_factory=dict)
-    feature_titles: Mapping[str, str] = field(default_factory=dict)
-    textures: Mapping[str, bytes] = field(default_factory=dict)
-    credits: str = ""
-    shape_limits: Floats = field(default_factory=lambda: np.zeros((0, 2), dtype=np.float32))
-    statistics: ExpressionStatistics | None = None
-    origin: Origin | None = None
-    summary: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.shape_limits.size:
@@ -108,6 +45,15 @@ class Character:
     def set_title(self, title: str) -> None:
         """Change the title, after it has been changed in the file; nothing that was computed depends on it."""
         object.__setattr__(self, "title", title)
+
+    @cached_property
+    def structure(self) -> str:
+        """Digest of polygons, parts and names of shapes, which heads made after one another have in common."""
+        parts = ["{} {} {}:{} {}:{}".format(p.name, p.material, *p.polygons, *p.vertices) for p in self.parts]
+        lines = "\n".join([*parts, *self.shape_names])
+        digest = hashlib.blake2b(lines.encode("utf-8", "surrogatepass"), digest_size=16)
+        digest.update(np.ascontiguousarray(self.polygons, dtype="<i4").tobytes())
+        return digest.hexdigest()
 
     @cached_property
     def triangles(self) -> Ints:
@@ -128,6 +74,11 @@ class Character:
     def damaged_textures(self) -> dict[str, str]:
         """Why each texture that cannot be decoded is unusable, as a clause, by its name in ``textures``."""
         return damaged_textures(self)
+
+    @property
+    def label(self) -> str:
+        """Title, with the name that commands take where it is another word: "Goblin ('creature')"."""
+        return self.title if self.title.casefold() == self.name.casefold() else f"{self.title} ('{self.name}')"
 
     @property
     def height(self) -> float:

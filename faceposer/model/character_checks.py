@@ -1,15 +1,13 @@
 """Consistency checks of characters."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from faceposer.geometry.mesh import FARTHEST
 from faceposer.geometry.texture_images import UnusableImageError, texture_image
+from faceposer.model.character_data import CharacterData
 from faceposer.model.errors import InconsistentError
-
-if TYPE_CHECKING:
-    from faceposer.model.character import Character
 
 MATERIALS = ("skin", "eye", "teeth", "gums", "tongue", "lashes", "film")
 #: Materials drawn over others, which picking ignores.
@@ -18,7 +16,7 @@ SEE_THROUGH = ("lashes", "film")
 _SMALLEST, _THINNEST = 1e-6, 1e-6
 
 
-def check_character(character: "Character") -> None:
+def check_character(character: CharacterData) -> None:
     """Check that the arrays, parts and names of ``character`` are consistent.
 
     Raises:
@@ -29,7 +27,7 @@ def check_character(character: "Character") -> None:
     _check_names(character)
 
 
-def damaged_textures(character: "Character") -> dict[str, str]:
+def damaged_textures(character: CharacterData) -> dict[str, str]:
     """Return the reason for each texture of ``character`` that cannot be decoded, by material or part, as a clause."""
     found = {}
     for name, data in character.textures.items():
@@ -48,7 +46,7 @@ def _require(condition: Any, message: str) -> None:
         raise InconsistentError(message)
 
 
-def _check_arrays(character: "Character") -> None:
+def _check_arrays(character: CharacterData) -> None:
     """Check shapes, finiteness and index ranges of the mesh."""
     count = len(character.vertices)
     for name, columns in (("vertices", 3), ("polygons", 4), ("uv", 2), ("polygon_uvs", 4)):
@@ -77,7 +75,7 @@ def _check_arrays(character: "Character") -> None:
     _check_extent(character)
 
 
-def _check_extent(character: "Character") -> None:
+def _check_extent(character: CharacterData) -> None:
     """Check that the mesh is a surface, neither a point nor a line, nor as thin as one."""
     vertices = character.vertices.astype(np.float64)
     size = float(np.ptp(vertices, axis=0).max())
@@ -88,7 +86,7 @@ def _check_extent(character: "Character") -> None:
     _require(middle > _THINNEST * largest, "all its vertices lie on a line")
 
 
-def _check_parts(character: "Character") -> None:
+def _check_parts(character: CharacterData) -> None:
     """Check that the parts cover all polygons and vertices in order, and use only their own vertices."""
     polygon = vertex = 0
     for part in character.parts:
@@ -111,7 +109,7 @@ def _check_parts(character: "Character") -> None:
     _require(len({part.name for part in character.parts}) == len(character.parts), "two parts have the same name")
 
 
-def _check_names(character: "Character") -> None:
+def _check_names(character: CharacterData) -> None:
     """Check the names of shapes, and the regions, feature points and textures."""
     count = len(character.vertices)
     _require(len(set(character.shape_names)) == len(character.shape_names), "two shapes have the same name")

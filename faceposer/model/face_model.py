@@ -21,7 +21,7 @@ from faceposer.model.muscles import co_contraction, independence, mirror_images
 from faceposer.model.pca import RigSubspace, reconstruction_error, rig_pca, smallest_reaching
 from faceposer.model.shape_names import half_shapes_of, weight_map
 from faceposer.model.split_shapes import split_to_match
-from faceposer.sized_cache import SizedCache
+from faceposer.sized_cache import SizedCache, without_owner
 
 if TYPE_CHECKING:
     from faceposer.model.contact.step import ContactStep
@@ -177,11 +177,12 @@ class FaceModel:
 
     @cached_property
     def _gathered(self) -> SizedCache[SurfacePoints, tuple[Array, Array]]:
-        return SizedCache(self._gather, lambda rows, points: sum(a.nbytes for a in rows) + points.nbytes, *_MOST_ROWS)
+        gather = without_owner(self._gather)
+        return SizedCache(gather, lambda rows, points: sum(a.nbytes for a in rows) + points.nbytes, *_MOST_ROWS)
 
     @cached_property
     def _grams(self) -> SizedCache[SurfacePoints, Array]:
-        return SizedCache(self._gram, lambda gram, points: gram.nbytes + points.nbytes, *_MOST_GRAMS)
+        return SizedCache(without_owner(self._gram), lambda gram, points: gram.nbytes + points.nbytes, *_MOST_GRAMS)
 
     def _gather(self, points: SurfacePoints) -> tuple[Array, Array]:
         points.check(self.triangles)

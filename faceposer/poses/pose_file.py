@@ -9,8 +9,9 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from faceposer.errors import FacePoserError
+from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import JsonDocument, JsonError, check_header, convert, read_json
-from faceposer.files.writing import write_json
+from faceposer.files.writing import json_text
 
 FORMAT = "faceposer.pose"
 VERSION = 1
@@ -120,4 +121,13 @@ def write_pose(path: Path, pose: Pose, durable: bool = True) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FacePoserError(f"The pose '{path}' cannot be written: {error.strerror}.") from error
-    write_json(path, pose.to_json(), "pose", ascii_only=False, durable=durable)
+    write_text(path, pose_text(path, pose), "pose", durable)
+
+
+def pose_text(path: Path, pose: Pose) -> str:
+    """Return the text of the file ``path`` of ``pose``.
+
+    Raises:
+        FacePoserError: If a weight is not finite.
+    """
+    return json_text(path, pose.to_json(), "pose", ascii_only=False) + "\n"

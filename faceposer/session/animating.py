@@ -4,24 +4,60 @@ Changing the frame is not an edit: nothing is lost and nothing has to be saved. 
 animation cannot reproduce, because it is constrained or has no key; leaving it is a step that undo reverts.
 """
 
+from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.animation.keyframes import LONGEST, Keyframes
+from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.session.document import Document
-
-if TYPE_CHECKING:
-    from faceposer.session.session import Session
 
 Array = NDArray[np.float64]
 Shown = Literal["unkeyed", "key", "between", "changed"]
 
 # Poses with rig weights closer than this are taken as equal: the difference is invisible.
 _SAME_WEIGHT = 1e-4
+
+
+class AnimatedSession(Protocol):
+    """What a session has for its animation."""
+
+    revision: int
+
+    @property
+    def document(self) -> Document:
+        """The document."""
+        ...
+
+    @property
+    def editing(self) -> bool:
+        """True if an edit is open."""
+        ...
+
+    @property
+    def solving(self) -> bool:
+        """True if a solve is queued or running."""
+        ...
+
+    @property
+    def model(self) -> FaceModel:
+        """The face."""
+        ...
+
+    def edit(self, label: str, merges: bool = False) -> AbstractContextManager[None]:
+        """Make all changes inside the block one step of the history."""
+        ...
+
+    def wait(self) -> object:
+        """Wait for the solve."""
+        ...
+
+    def set_without_history(self, document: Document) -> None:
+        """Replace the document, within an edit or outside."""
 
 
 class AnimationController:
@@ -33,7 +69,7 @@ class AnimationController:
             face without keys gets none, so that no animation starts unasked.
     """
 
-    def __init__(self, session: "Session") -> None:
+    def __init__(self, session: AnimatedSession) -> None:
         """Control the animation of ``session``."""
         self._session = session
         self.auto_key = False

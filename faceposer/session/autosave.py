@@ -61,7 +61,11 @@ def _now() -> datetime:
 
 
 class Journal:
-    """The journal of this program: a file that exists while there is unsaved work."""
+    """The journal of a session in this program: a file that exists while there is unsaved work.
+
+    Attributes:
+        folder: Folder of the journals of all programs.
+    """
 
     def __init__(
         self, folder: Path, clock: Callable[[], float] = time.monotonic, now: Callable[[], datetime] = _now
@@ -73,7 +77,7 @@ class Journal:
             clock: Monotonic time in seconds.
             now: Date and time with time zone.
         """
-        self._folder = folder
+        self.folder = folder
         self._clock = clock
         self._now = now
         self._lock: FileLock | None = None
@@ -149,11 +153,11 @@ class Journal:
     def _own_path(self) -> Path:
         """Return the path of the journal, taking its lock on the first call."""
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            self.folder.mkdir(parents=True, exist_ok=True)
             while self._lock is None:
-                self._lock = take_lock(self._folder / f"{os.getpid()}-{secrets.token_hex(6)}.lock")
+                self._lock = take_lock(self.folder / f"{os.getpid()}-{secrets.token_hex(6)}.lock")
         except OSError as error:
-            raise FacePoserError(f"No journal can be written in '{self._folder}': {error.strerror}.") from error
+            raise FacePoserError(f"No journal can be written in '{self.folder}': {error.strerror}.") from error
         return self._lock.path.with_suffix(".json")
 
 

@@ -10,9 +10,9 @@ from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.files.user_folders import data_folder
 from faceposer.model.character_file import available_characters, load_character, read_title, save_character
+from faceposer.model.character_names import checked_title
 
 SUFFIX = ".npz"
-LONGEST_TITLE = 80
 
 Home = Literal["installed", "library", "elsewhere"]
 
@@ -102,13 +102,9 @@ class CharacterLibrary:
         """Change the title of a character of the library; its file, by which sessions refer to it, keeps its name.
 
         Raises:
-            FacePoserError: If the title is empty or too long, or if the file cannot be read or written.
+            FacePoserError: If the title is not possible, or if the file cannot be read or written.
         """
-        title = title.strip()
-        if not title:
-            raise FacePoserError("Enter a name for the character.")
-        if len(title) > LONGEST_TITLE:
-            raise FacePoserError(f"The name of a character has at most {LONGEST_TITLE} characters.")
+        title = checked_title(title)
         if character.home != "library":
             raise FacePoserError("Only imported characters can be renamed.")
         save_character(character.name, replace(load_character(character.name), title=title))

@@ -87,14 +87,15 @@ class HeadEdits:
             from faceposer.identity.editing import head_editor
 
             editor = head_editor(self.base_model.character)
-            self.preview = Preview(identity, editor.preview(self.model, self.coefficients, identity))
+            shown = editor.preview(self.model, self.coefficients, identity, self.document.contact)
+            self.preview = Preview(identity, shown)
         self.revision += 1
 
-    def set_identity(self: _Edited, identity: Identity | None, label: str, merges: bool = False) -> None:
+    def set_identity(self: _Edited, identity: Identity | None, label: str) -> None:
         """Change the head, as one step; None for the character as it is.
 
         The pose stays and becomes the start pose: constraints are removed, since their targets are places of the
-        earlier head. ``merges`` combines the step with a previous one of the same ``label``.
+        earlier head.
 
         Raises:
             FacePoserError: As ``head_model``.
@@ -103,5 +104,5 @@ class HeadEdits:
         self.preview = None
         pose = self.coefficients
         document = replace(self.document, identity=identity, constraints=()).with_start(pose).posed(pose)
-        with self.edit(label, merges):
+        with self.edit(label):
             self.set_without_history(document)

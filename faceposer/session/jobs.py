@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Generator
 from typing import Generic, Protocol, TypeVar
 
+from faceposer.errors import FacePoserError
 from faceposer.progress import CancelledError, Progress
 
 T = TypeVar("T")
@@ -186,3 +187,22 @@ class StepJob(Generic[T]):
     def join(self) -> None:
         """Cancel the job, since nothing advances it any more."""
         self.cancel()
+
+
+def outcome(job: Job[T], too_large: str) -> tuple[T | None, str]:
+    """Return the result of a ``job`` that has ended, or None if it was cancelled or failed, and why, or "".
+
+    Args:
+        job: The job.
+        too_large: Sentence on what to do if there was not enough memory.
+
+    Raises:
+        Exception: The error of the job, unless the user can resolve it.
+    """
+    if isinstance(job.error, FacePoserError):
+        return None, str(job.error)
+    if isinstance(job.error, MemoryError):
+        return None, f"There is not enough memory; {too_large}"
+    if job.error is not None:
+        raise job.error
+    return job.result, ""

@@ -1,6 +1,6 @@
 """Additions of pairs to a folder of keys, from files and from the frames of an animation."""
 
-import shutil
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,20 +9,22 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import atomic_file
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.face_model import FaceModel
-from faceposer.poses.applying import pose_of
+from faceposer.poses.applying import applied, pose_of
 from faceposer.poses.library import safe_stem
-from faceposer.poses.pose_file import Pose, checked_name, write_pose
+from faceposer.poses.pose_file import Pose, write_pose
 from faceposer.poses.pose_file import read_pose as read_pose_file
 from faceposer.progress import Progress
 from faceposer.session.file_kinds import kind_of
-from faceposer.session.key_folder import SIDES, KeyFolder, Side
+from faceposer.session.key_files import character_of, key_displacements, read_key
+from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, KeyTakenError, Side, checked_key_name
 from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
-from faceposer.session.keys import key_displacements, load_keys
+from faceposer.session.keys import load_keys
 from faceposer.session.opening import load_model, open_session
+from faceposer.transfer.examples import same_expression
 from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
+from faceposer.transfer.source_heads import is_same_rig
 
 Array = NDArray[np.float64]
 
@@ -51,24 +53,46 @@ def add_key(
         FacePoserError: If a file cannot be used, or the name is taken.
     """
     model = load_model(folder.character("source"))
-    pose, note = _pose_in(source, model, checked_name(name), frame)
+    checked = checked_key_name(name)
+    _check_free(folder, checked, replaces)
+    pose, note = _pose_in(source, model, checked, frame)
+    _check_new(folder, model, pose)
     if target is None:
         if folder.is_mesh:
             raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give --target FILE.")
         other = load_model(folder.character("target"))
         return folder.add(pose, proposed(model, other, make_proposer(model, other, proposal), pose), replaces), note
     if target.suffix.lower() in POSED_MESH_SUFFIXES:
-        if not folder.is_mesh:
-            key_displacements(target, load_model(folder.character("target")).character)
-        stem = folder.add(pose, None, replaces)
-        copy = folder.folder / "target" / f"{stem}{target.suffix.lower()}"
-        with atomic_file(copy, "key") as temporary:
-            shutil.copyfile(target, temporary)
-        return stem, note
+        key_displacements(target, character_of(folder, "target")[0])
+        return folder.add(pose, target, replaces), note
     if folder.is_mesh:
         raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give a mesh, not '{target}'.")
     answer, _ = _pose_in(target, load_model(folder.character("target")), pose.name, 0)
     return folder.add(pose, answer, replaces), note
+
+
+def _check_free(folder: KeyFolder, name: str, replaces: bool) -> None:
+    """Check that a key of this name can be added, before the work is done."""
+    stem = safe_stem(name)
+    if not replaces and folder.entry(stem) is not None:
+        raise KeyTakenError(folder.folder, stem)
+
+
+def _check_new(folder: KeyFolder, model: FaceModel, pose: Pose) -> None:
+    """Check that no other key, nor the neutral face, is the same expression of the source."""
+    own, coefficients = safe_stem(pose.name), applied(model, model.neutral(), pose)
+    others = {entry.name: entry.source for entry in folder.entries() if entry.source is not None and entry.name != own}
+    known = {"neutral": model.neutral()} if "neutral" not in (own, *others) else {}
+    for name, path in others.items():
+        # What cannot be read is told by the check of the folder.
+        with suppress(FacePoserError):
+            known[name] = read_key(path, model).coefficients
+    same = next((name for name, key in known.items() if same_expression(model, key, coefficients, folder.points)), None)
+    if same is not None:
+        raise FacePoserError(
+            f"The key '{pose.name}' is the same expression of the source as '{same}' at all feature points; give "
+            "another pose."
+        )
 
 
 def add_key_pose(
@@ -81,9 +105,7 @@ def add_key_pose(
     Raises:
         FacePoserError: If the name is taken and ``replaces`` is False, or a file cannot be written.
     """
-    name = safe_stem(checked_name(pose.name))
-    if not replaces and name in {entry.name for entry in folder.entries()}:
-        raise FacePoserError(f"'{folder.folder}' already has a key '{name}'; choose another name, or replace it.")
+    _check_free(folder, checked_key_name(pose.name), replaces)
     answer = None
     if not folder.is_mesh:
         model, target = load_model(folder.character("source")), load_model(folder.character("target"))
@@ -109,7 +131,9 @@ def propose_again(folder: KeyFolder, name: str, proposal: Proposal = "auto") -> 
 
 
 def save_key(folder: KeyFolder, name: str, side: Side, model: FaceModel, coefficients: Array) -> None:
-    """Write a pose of a character as its side of the key ``name``; it is then no proposal any more.
+    """Write a pose of a character as its side of the key ``name``; it is then neither a proposal nor composed any more.
+
+    Name, tags and note stay. A file that cannot be read, which the pose replaces, has none.
 
     Args:
         folder: The folder.
@@ -122,19 +146,26 @@ def save_key(folder: KeyFolder, name: str, side: Side, model: FaceModel, coeffic
         FacePoserError: If the key is missing or a mesh, or the file cannot be written.
     """
     path = _editable(folder, name, side)
-    old = Pose(name)
-    for other in (path, *(folder.folder / side_ / f"{name}.json" for side_ in SIDES)):
-        if paths.is_file(other):
-            old = read_pose_file(other)
-            break
-    kept = tuple(tag for tag in old.tags if tag != PROPOSED)
+    old = _present_pose(folder, name, side)
+    kept = tuple(tag for tag in old.tags if tag not in (PROPOSED, COMPOSED))
     note = "" if PROPOSED in old.tags else old.note
     write_pose(path, replace(pose_of(model, coefficients, old.name, kept), note=note))
 
 
+def _present_pose(folder: KeyFolder, name: str, side: Side) -> Pose:
+    """Return the pose of one side of the key ``name``, else that of the other side, else an empty one."""
+    entry = folder.entry(name)
+    for one in (side, *SIDES):
+        path: Path | None = getattr(entry, one)
+        if path is not None and path.suffix.lower() == ".json":
+            with suppress(FacePoserError):
+                return read_pose_file(path)
+    return Pose(name)
+
+
 def _editable(folder: KeyFolder, name: str, side: Side) -> Path:
     """Return the pose file of one side of the key ``name``, which need not exist yet."""
-    entry = next((entry for entry in folder.entries() if entry.name == name), None)
+    entry = folder.entry(name)
     if entry is None:
         raise FacePoserError(f"'{folder.folder}' has no key '{name}' any more.")
     path: Path | None = getattr(entry, side)
@@ -144,7 +175,7 @@ def _editable(folder: KeyFolder, name: str, side: Side) -> Path:
         raise FacePoserError(
             f"The target of '{folder.folder}' is a mesh without shapes; sculpt its keys in another program."
         )
-    return folder.folder / side / f"{name}.json"
+    return folder.place(entry, name, side, ".json")
 
 
 def _pose_in(path: Path, model: FaceModel, name: str, frame: int) -> tuple[Pose, str]:
@@ -152,16 +183,18 @@ def _pose_in(path: Path, model: FaceModel, name: str, frame: int) -> tuple[Pose,
     if path.suffix.lower() == ".json":
         kind = kind_of(path)
         if kind == "pose":
-            return read_pose_file(path).renamed(name), ""
+            pose = read_pose_file(path).renamed(name)
+            # Composed keys are made again; this one is the artist's.
+            return replace(pose, tags=tuple(tag for tag in pose.tags if tag != COMPOSED)), ""
         if not kind:
             session = open_session(str(path))
             session.wait()
-            if session.model.character.name != model.character.name:
+            if not is_same_rig(session.model, model):
                 raise FacePoserError(
-                    f"The session '{path}' is of '{session.model.character.name}', not of '{model.character.name}'; "
-                    "give a pose of this character."
+                    f"The session '{path}' is of {session.model.character.label}, not of {model.character.label} with "
+                    f"the {len(model.character.shape_names)} shapes of the keys; give a pose of this character."
                 )
-            return pose_of(model, session.coefficients, name), session.remark
+            return pose_of(session.model, session.coefficients, name), session.remark
     from faceposer.interchange.reading import read_pose
 
     read = read_pose(path, model, frame)
@@ -174,7 +207,7 @@ def choose_keys(
     """Add the frames of ``take`` that help most as keys, with proposals for the target, and return their names.
 
     Raises:
-        FacePoserError: If the take cannot be read, or the target is a mesh without shapes.
+        FacePoserError: If the take cannot be read, the target is a mesh without shapes, or there are too many keys.
     """
     progress = progress or Progress()
     if folder.is_mesh:
@@ -182,6 +215,7 @@ def choose_keys(
             f"The target of '{folder.folder}' is a mesh without shapes, for which nothing is proposed; add keys one "
             "by one."
         )
+    folder.check_room(count)
     model, target = load_model(folder.character("source")), load_model(folder.character("target"))
     # Readers of all formats are not needed by the window's start.
     from faceposer.interchange.reading import read_performance
@@ -189,11 +223,13 @@ def choose_keys(
     poses = read_performance(take, model).performance.coefficients
     files = folder.entries()
     taken = {entry.name for entry in files}
-    present = load_keys(folder, source=model).transfer.pairs if files else ()
-    keys = np.array([pair.source for pair in present]).reshape(len(present), model.n_coefficients)
+    loaded = load_keys(folder).transfer if files else None
+    keys = np.array([pair.source for pair in loaded.pairs]) if loaded else np.zeros((0, model.n_coefficients))
+    base = loaded.base.source if loaded else None
     proposer = make_proposer(model, target)
     added: list[tuple[str, HelpfulFrame]] = []
-    for helpful in chosen_frames(model, keys, poses, count, folder.points, folder.regions):
+    chosen = chosen_frames(model, keys, poses, count, folder.points, folder.regions, folder.threshold, base)
+    for helpful in chosen:
         progress.check()
         name = f"{safe_stem(take.stem)[:40]} {helpful.frame}"
         while safe_stem(name) in taken:

@@ -5,8 +5,11 @@ meshes (.obj, .ply); files of the same name are a pair.
 """
 
 import os
-from collections.abc import Mapping
+import re
+import shutil
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,14 +17,15 @@ from msgspec import Meta
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.atomic import atomic_files
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.writing import write_json
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.poses.library import safe_stem
-from faceposer.poses.pose_file import Pose, checked_name, read_pose, write_pose
-from faceposer.session.document import absolute_character, portable_character
-from faceposer.transfer.examples import MOST_KEYS
-from faceposer.transfer.key_parameters import THRESHOLD, Regions
+from faceposer.poses.pose_file import Pose, checked_name, pose_text, read_pose
+from faceposer.session.document import absolute_character, path_from, portable_character
+from faceposer.transfer.examples import MOST_KEYS, NEUTRAL
+from faceposer.transfer.key_parameters import Regions
 
 FORMAT, VERSION = "faceposer.keys", 1
 #: Name of the file that describes a folder of keys.
@@ -41,9 +45,28 @@ class _KeysFile(JsonDocument):
     target: _Name
     regions: Regions = "whole"
     points: Annotated[tuple[_Name, ...], Meta(min_length=1, max_length=200)] | None = None
-    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] = THRESHOLD
+    threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] | None = None
     expressions: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
     visemes: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
+
+
+class KeyTakenError(FacePoserError):
+    """The name of a new key is taken."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.taken = f"'{folder}' already has a key '{name}'"
+        super().__init__(f"{self.taken}; choose another name, or replace it.")
+
+
+def checked_key_name(name: str) -> str:
+    """Return ``name`` if it can be the name of a key.
+
+    Raises:
+        FacePoserError: If it is a path, not a single line, or too long.
+    """
+    if re.search(r"[/\\]", name) or name.strip() in (".", ".."):
+        raise FacePoserError(f"The name of a key cannot be a path such as '{name}'; give a name such as 'Happiness'.")
+    return checked_name(name)
 
 
 @dataclass(frozen=True)
@@ -73,7 +96,7 @@ class KeyFolder:
         points: Feature points of the source that give the parameters; None for all.
         expressions: Names of the emotional keys, beside the poses with the tag "expression".
         visemes: Names of the verbal keys, beside the poses with the tag "viseme".
-        threshold: Share of the largest variance of the keys below which directions are dropped.
+        threshold: Share of the largest variance of the keys below which directions are dropped; None to damp them.
     """
 
     folder: Path
@@ -83,7 +106,7 @@ class KeyFolder:
     points: tuple[str, ...] | None = None
     expressions: tuple[str, ...] = ()
     visemes: tuple[str, ...] = ()
-    threshold: float = THRESHOLD
+    threshold: float | None = None
 
     @classmethod
     def read(cls, folder: Path) -> "KeyFolder":
@@ -128,7 +151,7 @@ class KeyFolder:
         data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "source": self.source, "target": self.target}
         if self.regions != "whole":
             data["regions"] = self.regions
-        if self.threshold != THRESHOLD:
+        if self.threshold is not None:
             data["threshold"] = self.threshold
         for name in ("points", "expressions", "visemes"):
             if getattr(self, name):
@@ -144,7 +167,7 @@ class KeyFolder:
         """Return the name or path of a character, with paths relative to the folder made absolute."""
         name = self.source if side == "source" else self.target
         if Path(name).suffix.lower() in POSED_MESH_SUFFIXES:
-            return os.path.normpath((self.folder / name).absolute())
+            return os.path.normpath((self.folder / paths.expand_user(name)).absolute())
         return absolute_character(name, self.folder.absolute())
 
     @property
@@ -158,13 +181,55 @@ class KeyFolder:
         Raises:
             FacePoserError: If a folder cannot be listed, has two files of one name, or too many.
         """
+        entries = self._listed()
+        count = count_with_neutral([entry.name for entry in entries])
+        if count > MOST_KEYS:
+            raise FacePoserError(
+                f"'{self.folder}' has {count} keys with the neutral face, more than the maximum of {MOST_KEYS}; remove "
+                "some of them."
+            )
+        return entries
+
+    def _listed(self) -> list[KeyFiles]:
+        """Return the keys by name, however many there are."""
         found = {side: self._files(side) for side in SIDES}
         names = sorted({*found["source"], *found["target"]})
-        if len(names) > MOST_KEYS:
-            raise FacePoserError(
-                f"'{self.folder}' has {len(names)} keys, more than the maximum of {MOST_KEYS}; move some elsewhere."
-            )
         return [KeyFiles(name, found["source"].get(name), found["target"].get(name)) for name in names]
+
+    def entry(self, name: str) -> KeyFiles | None:
+        """Return the key with this name, or None.
+
+        Raises:
+            FacePoserError: If a folder cannot be listed, or has two files of one name.
+        """
+        return next((entry for entry in self._listed() if entry.name == name), None)
+
+    def check_room(self, more: int) -> None:
+        """Check that ``more`` keys can be added.
+
+        Raises:
+            FacePoserError: If the folder would have too many.
+        """
+        room = MOST_KEYS - count_with_neutral([entry.name for entry in self._listed()])
+        if more > room:
+            left = f"only {room} can be added" if room > 0 else "none can be added"
+            raise FacePoserError(
+                f"'{self.folder}' may have {MOST_KEYS} keys with the neutral face: {left}; remove others first."
+            )
+
+    def place(self, entry: KeyFiles | None, name: str, side: Side, suffix: str) -> Path:
+        """Return the file that is written for one side of the key ``name``.
+
+        Args:
+            entry: The key, if there is one.
+            name: Its name.
+            side: Side that is written.
+            suffix: Format, such as ".json"; the present file is replaced if it has this one, in any spelling.
+        """
+        present: Path | None = None if entry is None else getattr(entry, side)
+        if present is not None and present.suffix.lower() == suffix:
+            return present
+        return self.folder / side / f"{name}{suffix}"
 
     def pairs(self) -> list[KeyFiles]:
         """Return the keys of the folder, all of them with both files.
@@ -209,35 +274,53 @@ class KeyFolder:
             for path in (entry.source, entry.target):
                 if path is not None and path.suffix.lower() == ".json":
                     tags.update(read_pose(path).tags)
-            if entry.name in self.expressions:
-                tags.add(EXPRESSION)
-            if entry.name in self.visemes:
-                tags.add(VISEME)
-            kind = next((kind for kind in (COMPOSED, VISEME, EXPRESSION) if kind in tags), None)
-            if kind is not None:
+            kind = self.kind_of(entry.name, tags)
+            if kind:
                 kinds[entry.name] = kind
         return kinds
 
-    def add(self, source: Pose, target: Pose | None, replace: bool = False, durable: bool = True) -> str:
-        """Write a pair of poses, named as ``source``, and return the name of its files.
+    def kind_of(self, name: str, tags: Collection[str]) -> str:
+        """Return the kind of the key ``name`` whose poses have these ``tags``, or ""."""
+        known = {*tags}
+        if name in self.expressions:
+            known.add(EXPRESSION)
+        if name in self.visemes:
+            known.add(VISEME)
+        return next((kind for kind in (COMPOSED, VISEME, EXPRESSION) if kind in known), "")
+
+    def add(self, source: Pose, target: Pose | Path | None, replace: bool = False, durable: bool = True) -> str:
+        """Write a pair, named as ``source``, and return the name of its files.
 
         Args:
             source: Pose of the source.
-            target: Pose of the target; None to leave it to the artist.
-            replace: Replace a key of this name.
+            target: Pose of the target, or a mesh that is copied; None to leave it to the artist, and to keep that of a
+                key that is replaced.
+            replace: Replace a key of this name, when the new one is complete.
             durable: See ``atomic_file``.
 
         Raises:
-            FacePoserError: If the name is taken and ``replace`` is False, or a file cannot be written.
+            FacePoserError: If the name is taken and ``replace`` is False, there are too many keys, or a file cannot be
+                written; then nothing has changed.
         """
-        name = safe_stem(checked_name(source.name))
-        if name in {entry.name for entry in self.entries()}:
-            if not replace:
-                raise FacePoserError(f"'{self.folder}' already has a key '{name}'; choose another name, or replace it.")
-            self.remove(name)
-        write_pose(self.folder / "source" / f"{name}.json", source, durable)
+        name = safe_stem(checked_key_name(source.name))
+        old = self.entry(name)
+        if old is None:
+            self.check_room(1)
+        elif not replace:
+            raise KeyTakenError(self.folder, name)
+        written: dict[Path, Pose | Path] = {self.place(old, name, "source", ".json"): source}
         if target is not None:
-            write_pose(self.folder / "target" / f"{name}.json", target, durable)
+            suffix = ".json" if isinstance(target, Pose) else target.suffix.lower()
+            written[self.place(old, name, "target", suffix)] = target
+        with atomic_files(list(written), "key", durable) as temporaries:
+            for (path, content), temporary in zip(written.items(), temporaries, strict=True):
+                if isinstance(content, Pose):
+                    temporary.write_text(pose_text(path, content), encoding="utf-8", newline="\n")
+                else:
+                    shutil.copyfile(content, temporary)
+        # Files in other formats are deleted last: a key is never without its old or its new ones.
+        replaced = () if old is None else (old.source, None if target is None else old.target)
+        delete_keys(path for path in replaced if path is not None and path not in written)
         return name
 
     def remove(self, name: str) -> None:
@@ -246,25 +329,34 @@ class KeyFolder:
         Raises:
             FacePoserError: If there is none, or a file cannot be deleted.
         """
-        entry = next((entry for entry in self.entries() if entry.name == name), None)
+        entry = self.entry(name)
         if entry is None:
-            names = ", ".join(entry.name for entry in self.entries()[:24])
-            raise FacePoserError(f"'{self.folder}' has no key '{name}'; its keys are {names or 'none'}.")
-        for path in (entry.source, entry.target):
-            try:
-                if path is not None:
-                    path.unlink()
-            except OSError as error:
-                raise FacePoserError(f"The key '{path}' cannot be deleted: {error.strerror}.") from error
+            near = get_close_matches(name, [entry.name for entry in self._listed()], 1)
+            help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
+            raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
+        delete_keys(path for path in (entry.source, entry.target) if path is not None)
+
+
+def count_with_neutral(names: Collection[str]) -> int:
+    """Return the number of keys with these ``names``, and the neutral face if it is none of them."""
+    return len(names) + (not any(name.casefold() == NEUTRAL for name in names))
+
+
+def delete_keys(files: Iterable[Path]) -> None:
+    """Delete ``files`` of keys.
+
+    Raises:
+        FacePoserError: If one cannot be deleted.
+    """
+    for path in files:
+        try:
+            path.unlink()
+        except OSError as error:
+            raise FacePoserError(f"The key '{path}' cannot be deleted: {error.strerror}.") from error
 
 
 def portable_target(target: str, folder: Path) -> str:
     """Return the reference to a character or a mesh in the description of the keys in ``folder``."""
     if Path(target).suffix.lower() not in POSED_MESH_SUFFIXES:
         return portable_character(target, folder)
-    whole = Path(os.path.normpath(Path(target).absolute()))
-    try:
-        relative = Path(os.path.relpath(whole, folder.absolute()))
-    except ValueError:  # on another drive
-        return str(whole)
-    return str(whole) if relative.parts[:2] == ("..", "..") else relative.as_posix()
+    return path_from(target, folder)

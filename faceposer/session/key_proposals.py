@@ -13,11 +13,12 @@ from faceposer.files.atomic import atomic_folder
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of, weights_on
-from faceposer.poses.library import PoseLibrary, starter_poses
+from faceposer.poses.library import Entry, PoseLibrary, safe_stem, starter_poses
 from faceposer.poses.pose_file import Pose
 from faceposer.progress import Progress
-from faceposer.session.key_folder import KeyFolder, portable_target
+from faceposer.session.key_folder import COMPOSED, KeyFolder, count_with_neutral, portable_target
 from faceposer.session.opening import load_model
+from faceposer.transfer.examples import MOST_KEYS
 from faceposer.transfer.key_parameters import Regions
 from faceposer.transfer.transfer import Transfer, make_transfer
 from faceposer.transfer.weights import arkit_rows
@@ -62,12 +63,14 @@ def create_keys(
     face = load_model(source)
     entries = PoseLibrary(poses).entries() if poses is not None else starter_poses()
     known = [entry.pose for entry in entries if entry.pose is not None]
-    chosen = [pose for pose in known if weights_on(pose, face.character) is not None]
+    usable = [entry for entry in entries if entry.pose and weights_on(entry.pose, face.character) is not None]
     if poses is None and not every:
-        chosen = [pose for pose in chosen if pose.name not in _BEYOND_PAPER]
-    if not chosen:
+        usable = [entry for entry in usable if entry.title not in _BEYOND_PAPER]
+    if not usable:
         where = f"in '{poses}'" if poses is not None else "built in"
         raise FacePoserError(f"There are no poses for the character '{source}' {where}; save poses, and use --poses.")
+    _check_names(usable)
+    chosen = [entry.pose for entry in usable if entry.pose is not None]
     is_mesh = Path(target).suffix.lower() in POSED_MESH_SUFFIXES
     other = None if is_mesh else load_model(target)
     with atomic_folder(folder) as temporary:
@@ -87,6 +90,29 @@ def create_keys(
     return replace(keys, folder=folder)
 
 
+def _check_names(entries: Sequence[Entry]) -> None:
+    """Check that the poses of ``entries`` become keys of different names, and not too many.
+
+    Raises:
+        FacePoserError: If they do not.
+    """
+    files: dict[str, Path] = {}
+    for entry in entries:
+        name = safe_stem(entry.title)
+        other = files.setdefault(name, entry.path)
+        if other != entry.path:
+            raise FacePoserError(
+                f"The poses '{other}' and '{entry.path}' would both become the key '{name}'; rename or remove one of "
+                "them."
+            )
+    count = count_with_neutral(files)
+    if count > MOST_KEYS:
+        raise FacePoserError(
+            f"'{entries[0].path.parent}' has {len(files)} poses, which make {count} keys with the neutral face, more "
+            f"than the maximum of {MOST_KEYS}; use fewer."
+        )
+
+
 def make_proposer(source: FaceModel, target: FaceModel, proposal: Proposal = "auto") -> Transfer:
     """Return the transfer that proposes keys of ``target``.
 
@@ -102,7 +128,7 @@ def make_proposer(source: FaceModel, target: FaceModel, proposal: Proposal = "au
 def proposed(source: FaceModel, target: FaceModel, proposer: Transfer, pose: Pose) -> Pose:
     """Return the proposal for ``pose`` of the source on the target."""
     coefficients = proposer.pose(applied(source, source.neutral(), pose))
-    tags = tuple(dict.fromkeys((*pose.tags, PROPOSED)))
+    tags = tuple(dict.fromkeys((*(tag for tag in pose.tags if tag != COMPOSED), PROPOSED)))
     note = "Proposed by a transfer; edit it, and remove this tag and note."
     return replace(pose_of(target, coefficients, pose.name, tags), note=note)
 

@@ -1,26 +1,27 @@
 """All keys of a folder as they are now: their poses on both faces, and the transfer by them."""
 
 import os
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths
 from faceposer.model.face_model import FaceModel
-from faceposer.poses.pose_file import read_pose
 from faceposer.progress import Progress
+from faceposer.session.key_files import KeyReader
 from faceposer.session.key_folder import DESCRIPTION, SIDES, KeyFiles, KeyFolder, Side
 from faceposer.session.key_proposals import PROPOSED
-from faceposer.session.keys import key_pose, load_keys
+from faceposer.session.keys import load_keys
 from faceposer.session.opening import load_model
-from faceposer.transfer.examples import NEUTRAL, ExampleTransfer
+from faceposer.transfer.examples import ExampleTransfer
+from faceposer.transfer.source_heads import is_same_rig, on_character
 
 Array = NDArray[np.float64]
-#: Names, times of change and sizes of all files of a folder of keys.
+#: Names, times of change and sizes of all files of a folder of keys, and of its characters.
 Stamp = tuple[tuple[str, int, int], ...]
 
 
@@ -56,22 +57,22 @@ class KeySet:
 
     Attributes:
         folder: The folder.
-        stamp: State of its files.
         models: The faces of both sides; that of a target without shapes has its keys as shapes, None if it has none.
         keys: The keys by name.
         transfer: The transfer by the keys to the target's own shapes, or of a target without any; None if the keys
             cannot be used.
         problem: Why they cannot be used, one sentence, or "".
         notes: Remarks on meshes that the shapes do not reach, or "".
+        reader: What was read of the files.
     """
 
     folder: KeyFolder
-    stamp: Stamp
     models: dict[Side, FaceModel | None]
     keys: tuple[ListedKey, ...]
     transfer: ExampleTransfer | None
     problem: str = ""
     notes: str = ""
+    reader: KeyReader = field(default_factory=KeyReader, repr=False)
 
     def key(self, name: str) -> ListedKey | None:
         """Return the key with this name, if there is one."""
@@ -84,16 +85,13 @@ class KeySet:
         return model
 
     def is_of(self, side: Side, model: FaceModel) -> bool:
-        """Return True if ``model`` is the character of this side, with any head."""
+        """Return True if ``model`` is the character of this side, with any head; others may have its name, too."""
         own = self.models[side]
-        return own is not None and own.character.name == model.character.name
+        return own is not None and is_same_rig(own, model)
 
     def source_poses(self, model: FaceModel, poses: Array) -> Array:
         """Return ``poses``, (m, r), of the source with the head ``model`` as coefficients of the source."""
-        source = self.source_model()
-        if model is source:
-            return poses
-        return (poses @ model.subspace.directions.T) @ source.subspace.projection.T
+        return on_character(self.source_model(), model, poses)
 
     def strengths(self, pose: Array) -> dict[str, float]:
         """Return the weight of each key in a pose of the source, shape (r,): the largest over the regions."""
@@ -110,7 +108,7 @@ class KeySet:
 
 
 def stamp_of(folder: Path) -> Stamp:
-    """Return the state of the files in a folder of keys; files that cannot be read are left out."""
+    """Return the state of the files in a folder of keys and of its characters; what cannot be read is left out."""
     found: list[tuple[str, int, int]] = []
     for part in (None, *SIDES):
         with suppress(OSError), os.scandir(folder if part is None else folder / part) as entries:
@@ -119,58 +117,79 @@ def stamp_of(folder: Path) -> Stamp:
                     with suppress(OSError):
                         status = entry.stat()
                         found.append((f"{part}/{entry.name}", status.st_mtime_ns, status.st_size))
+    with suppress(FacePoserError):
+        keys = KeyFolder.read(folder)
+        for side in SIDES:
+            file = Path(keys.character(side))
+            if file.suffix and paths.is_file(file):
+                with suppress(OSError):
+                    status = file.stat()
+                    found.append((str(file), status.st_mtime_ns, status.st_size))
     return tuple(sorted(found))
 
 
-def read_key_set(path: Path, progress: Progress | None = None) -> KeySet:
+def read_key_set(path: Path, progress: Progress | None = None, last: KeySet | None = None) -> KeySet:
     """Return the keys in the folder ``path``; those that cannot be used are among them, with the reason.
+
+    Args:
+        path: The folder.
+        progress: Receives the progress.
+        last: The keys as they were before, of which only files that have changed are read again.
 
     Raises:
         FacePoserError: If it is no folder of keys, or a character cannot be loaded.
         CancelledError: If the progress was cancelled.
     """
     progress = progress or Progress()
-    stamp = stamp_of(path)
     folder = KeyFolder.read(path)
+    reader = KeyReader(None if last is None else last.reader)
     progress.at("Reading keys")
     source = load_model(folder.character("source"))
     target = None if folder.is_mesh else load_model(folder.character("target"))
     loaded, problem, notes = None, "", ""
-    kinds: Mapping[str, str] = {}
     try:
         # Results are poses of the target's own shapes, which a session can hold.
-        loaded = load_keys(folder, "auto" if folder.is_mesh else "weights", source=source)
-        target, notes = loaded.transfer.target, loaded.notes
-        kinds = folder.kinds()
+        loaded = load_keys(folder, "auto" if folder.is_mesh else "weights", reader=reader)
+        source, target, notes = loaded.transfer.source, loaded.transfer.target, loaded.notes
     except FacePoserError as error:
         problem = str(error)
-    known = {} if loaded is None else {pair.name: pair.target for pair in loaded.transfer.pairs}
+    known: dict[str, Array] = {}
+    if loaded is not None and folder.is_mesh:
+        known = {pair.name: pair.target for pair in (loaded.transfer.base, *loaded.transfer.pairs)}
     keys = []
     models: dict[Side, FaceModel | None] = {"source": source, "target": target}
     for entry in folder.entries():
         progress.check()
-        key = _listed(entry, kinds.get(entry.name, ""), models, folder.is_mesh)
-        if folder.is_mesh and target is not None:
-            key.poses["target"] = target.neutral() if entry.name.casefold() == NEUTRAL else known.get(entry.name)
-        keys.append(key)
-    return KeySet(folder, stamp, models, tuple(keys), None if loaded is None else loaded.transfer, problem, notes)
+        keys.append(_listed(entry, folder, models, known, reader))
+    reader.forget_rest()
+    transfer = None if loaded is None else loaded.transfer
+    return KeySet(folder, models, tuple(keys), transfer, problem, notes, reader)
 
 
-def _listed(files: KeyFiles, kind: str, models: dict[Side, FaceModel | None], is_mesh: bool) -> ListedKey:
+def _listed(
+    files: KeyFiles,
+    folder: KeyFolder,
+    models: dict[Side, FaceModel | None],
+    known: dict[str, Array],
+    reader: KeyReader,
+) -> ListedKey:
+    """Return a key; ``known`` has the poses of the target without shapes by name."""
     poses: dict[Side, Array | None] = {"source": None, "target": None}
-    title, proposed, problem = files.name, False, ""
+    title, tags, proposed, problem = files.name, set[str](), False, ""
     for side in SIDES:
         path, model = (files.source if side == "source" else files.target), models[side]
         if path is None:
             problem = problem or f"The key has no {side}."
             continue
+        if model is None or (side == "target" and folder.is_mesh):
+            poses[side] = known.get(files.name)
+            continue
         try:
-            if path.suffix.lower() == ".json":
-                pose = read_pose(path)
-                title = pose.name if side == "source" else title
-                proposed = proposed or (side == "target" and PROPOSED in pose.tags)
-            if model is not None and not (is_mesh and side == "target"):
-                poses[side] = key_pose(path, model)[0]
+            key = reader.read(path, model)
+            poses[side] = key.coefficients
+            title = key.title if side == "source" and key.title else title
+            tags.update(key.tags)
+            proposed = proposed or (side == "target" and PROPOSED in key.tags)
         except FacePoserError as error:
             problem = problem or str(error)
-    return ListedKey(files, title, kind, poses, proposed, problem)
+    return ListedKey(files, title, folder.kind_of(files.name, tags), poses, proposed, problem)

@@ -1,5 +1,6 @@
 """Transfer by the key poses of a folder."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -9,17 +10,16 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
-from faceposer.geometry.mesh import first_unusable
-from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.poses.applying import applied
-from faceposer.poses.pose_file import read_pose
-from faceposer.session.key_folder import KeyFiles, KeyFolder
+from faceposer.session.key_files import KeyReader, character_of, key_displacements
+from faceposer.session.key_folder import DESCRIPTION, KeyFiles, KeyFolder
 from faceposer.session.opening import load_model
 from faceposer.transfer.examples import ExampleTransfer, KeyPair
 from faceposer.transfer.key_parameters import Regions
-from faceposer.transfer.keyed_model import character_of_mesh, check_size, keyed_model
+from faceposer.transfer.keyed_model import check_size, keyed_model
+from faceposer.transfer.source_heads import is_same_rig
 
 Array = NDArray[np.float64]
 #: Form of the result: weights of the target's shapes, or weights of the keys, which have the keys' meshes as shapes.
@@ -45,26 +45,28 @@ class LoadedKeys:
 
 
 def load_keys(
-    folder: KeyFolder, form: Form = "auto", regions: Regions | None = None, source: FaceModel | None = None
+    folder: KeyFolder, form: Form = "auto", regions: Regions | None = None, reader: KeyReader | None = None
 ) -> LoadedKeys:
-    """Return the transfer by the keys in ``folder``.
+    """Return the transfer by the keys in ``folder``, from its source as it is; see ``HeadTransfer`` for other heads.
 
     Args:
         folder: The folder.
         form: "weights" for the nearest poses of the target's shapes, "meshes" for blends of the keys as they are,
             "auto" for weights if they are exact.
         regions: Regions that are cloned separately; None for those of the folder.
-        source: Model of the source, if it is loaded.
+        reader: Reader that may have read some of the keys.
 
     Raises:
         FacePoserError: If a file is missing or wrong; the message names it.
     """
-    source = source or load_model(folder.character("source"))
+    source = load_model(folder.character("source"))
+    _check_points(folder, source.character)
+    reader = reader or KeyReader()
     files = folder.pairs()
     if not files:
-        raise FacePoserError(f"'{folder.folder}' has no keys; add pairs of poses, or create the folder with keys init.")
-    sources = [key_pose(_path(entry.source), source)[0] for entry in files]
-    rest, target, errors = _targets(folder, files, form)
+        raise FacePoserError(f"'{folder.folder}' has no keys; add a pair of poses.")
+    sources = [reader.read(_path(entry.source), source).coefficients for entry in files]
+    rest, target, own, errors = _targets(folder, files, form, reader)
     transfer = ExampleTransfer(
         source,
         target,
@@ -80,7 +82,7 @@ def load_keys(
             f"{counted(len(errors), 'key')} of the target cannot be reached by its shapes; the error is up to "
             f"{10.0 * errors[worst]:.1f} mm, in '{worst}'."
         )
-    return LoadedKeys(transfer, not folder.is_mesh and target is load_model(folder.character("target")), note)
+    return LoadedKeys(transfer, own, note)
 
 
 def _path(path: Path | None) -> Path:
@@ -88,51 +90,41 @@ def _path(path: Path | None) -> Path:
     return path
 
 
-def key_pose(path: Path, model: FaceModel) -> tuple[Array, float]:
-    """Return the coefficients of the pose or mesh ``path``, and the largest distance of a vertex from it.
+def _check_points(folder: KeyFolder, source: Character) -> None:
+    unknown = [name for name in folder.points or () if name not in source.feature_points]
+    if unknown:
+        raise FacePoserError(
+            f"'{folder.folder / DESCRIPTION}': points names '{unknown[0]}', but the source '{source.name}' has no "
+            f"such feature point; its points are {', '.join(source.feature_points) or 'none'}."
+        )
 
-    Raises:
-        FacePoserError: If the file cannot be used; the message names it.
+
+def _targets(
+    folder: KeyFolder, files: list[KeyFiles], form: Form, reader: KeyReader
+) -> tuple[list[Array], FaceModel, bool, dict[str, float]]:
+    """Return the target's coefficients in each key, its model, and the errors of keys that its shapes do not reach.
+
+    The third value is True if the model has the target's own shapes.
     """
-    try:
-        if path.suffix.lower() == ".json":
-            return applied(model, model.neutral(), read_pose(path)), 0.0
-        # Readers of all formats are not needed by the window's start.
-        from faceposer.interchange.reading import pose_of_mesh
-
-        coefficients = pose_of_mesh(read_mesh(path), model, str(path)).coefficients
-        moved = key_displacements(path, model.character)
-        reached = model.instance(coefficients) - model.character.vertices
-        return coefficients, float(np.linalg.norm(moved - reached, axis=1).max())
-    except FacePoserError as error:
-        if str(path) in str(error):
-            raise
-        raise FacePoserError(f"The key '{path}' cannot be used: {error}") from error
-
-
-def _targets(folder: KeyFolder, files: list[KeyFiles], form: Form) -> tuple[list[Array], FaceModel, dict[str, float]]:
-    """Return the target's coefficients in each key, its model, and the errors of keys that its shapes do not reach."""
-    if folder.is_mesh:
-        path = Path(folder.character("target"))
-        character = character_of_mesh(read_mesh(path), path.stem)
-        return *_meshes(character, None, files, str(path)), {}
-    model = load_model(folder.character("target"))
+    character, model = character_of(folder, "target")
+    if model is None:
+        return *_meshes(character, None, files, folder.character("target"), reader), False, {}
     errors: dict[str, float] = {}
     found: list[Array] = []
     for entry in files:
         if form == "meshes":
             break
-        coefficients, error = key_pose(_path(entry.target), model)
-        found.append(coefficients)
-        if error > _EXACT:
-            errors[entry.name] = error
+        key = reader.read(_path(entry.target), model)
+        found.append(key.coefficients)
+        if key.error > _EXACT:
+            errors[entry.name] = key.error
     if form == "meshes" or (form == "auto" and errors):
-        return *_meshes(model.character, model, files, f"character '{model.character.name}'"), {}
-    return found, model, errors
+        return *_meshes(character, model, files, f"character {character.label}", reader), False, {}
+    return found, model, True, errors
 
 
 def _meshes(
-    character: Character, model: FaceModel | None, files: list[KeyFiles], what: str
+    character: Character, model: FaceModel | None, files: list[KeyFiles], what: str, reader: KeyReader
 ) -> tuple[list[Array], FaceModel]:
     """Return the coefficients of each key in a model whose shapes are the keys, and this model."""
     check_size(len(files), len(character.vertices))
@@ -142,8 +134,8 @@ def _meshes(
         if path.suffix.lower() != ".json":
             displacements.append(key_displacements(path, character))
         elif model is not None:
-            coefficients, _ = key_pose(path, model)
-            displacements.append((model.instance(coefficients) - character.vertices).astype(np.float64))
+            pose = reader.read(path, model).coefficients
+            displacements.append((model.instance(pose) - character.vertices).astype(np.float64))
         else:
             raise FacePoserError(
                 f"The key '{path}' is a pose, but the target is a mesh without shapes ('{what}'); give a mesh (.obj)."
@@ -160,28 +152,6 @@ def _meshes(
     return [keyed.coefficients_of(shapes.get(entry.name, np.zeros(len(kept)))) for entry in files], keyed
 
 
-def key_displacements(path: Path, character: Character) -> Array:
-    """Return the displacements of the vertices of ``character`` in the mesh ``path``, shape (N, 3).
-
-    Raises:
-        FacePoserError: If the file cannot be read, has another topology, or numbers that are not finite.
-    """
-    mesh = read_mesh(path)
-    origin = character.origin
-    count = len(character.vertices) if origin is None else len(origin.neutral)
-    if len(mesh.vertices) != count:
-        raise FacePoserError(
-            f"The key '{path}' has {counted(len(mesh.vertices), 'vertex', 'vertices')}, but '{character.title}' has "
-            f"{count}; sculpt keys on its neutral mesh, without adding, merging or removing vertices."
-        )
-    row = first_unusable(mesh.vertices)
-    if row is not None:
-        raise FacePoserError(f"The key '{path}' has a vertex {row + 1} that is not finite; export it again.")
-    if origin is not None:
-        return origin.character_vertices(mesh.vertices, len(character.vertices))
-    return mesh.vertices - character.vertices
-
-
 def check_characters(folder: KeyFolder, source: FaceModel, target: str) -> None:
     """Check that the keys of ``folder`` are those of the model ``source`` and of the ``target``, a name or file.
 
@@ -189,14 +159,40 @@ def check_characters(folder: KeyFolder, source: FaceModel, target: str) -> None:
         FacePoserError: If they are those of others.
     """
     expected = load_model(folder.character("source"))
-    if expected is not source and expected.character.name != source.character.name:
+    if expected.character.name != source.character.name:
         raise FacePoserError(
-            f"The keys in '{folder.folder}' are of '{expected.character.name}', but the source is "
-            f"'{source.character.name}'; give keys of this character."
+            f"The keys in '{folder.folder}' are of {expected.character.label}, but the source is "
+            f"{source.character.label}; give keys of this character."
         )
+    check_same_rig(folder, expected, source)
     own = folder.character("target")
     same = paths.same_file(own, target) if folder.is_mesh or Path(target).suffix else own == target
     if not same:
         raise FacePoserError(
-            f"The keys in '{folder.folder}' are for '{folder.target}', not for '{target}'; give keys of this character."
+            f"The keys in '{folder.folder}' are for {_label(own)}, not for {_label(target)}; give keys of this "
+            "character."
         )
+
+
+def check_same_rig(folder: KeyFolder, keys: FaceModel, source: FaceModel) -> None:
+    """Check that the ``source`` has the shapes of the character that plays in the keys of ``folder``.
+
+    Raises:
+        FacePoserError: If it is another character of the same name, or an earlier version.
+    """
+    if not is_same_rig(keys, source):
+        counts = (len(keys.character.shape_names), len(source.character.shape_names))
+        differ = f"{counts[0]}, not {counts[1]}, shapes" if counts[0] != counts[1] else "other shapes"
+        raise FacePoserError(
+            f"The keys in '{folder.folder}' are of another character {keys.character.label}, with {differ}; make keys "
+            "of this one."
+        )
+
+
+def _label(character: str) -> str:
+    """Return the label of the character with this name or file, or the file of a mesh or of one that is missing."""
+    if Path(character).suffix.lower() in POSED_MESH_SUFFIXES:
+        return f"'{character}'"
+    with suppress(FacePoserError):
+        return load_model(character).character.label
+    return f"'{character}'"

@@ -1,10 +1,9 @@
 """Coverage: the extent of the face that constraints determine, from a local part to a whole expression."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from faceposer.model.face_model import FaceModel
+from faceposer.sized_cache import weak_cache
 from faceposer.solve.priors import prior_at
 from faceposer.solve.term import Array
 
@@ -40,7 +39,7 @@ def coverage(model: FaceModel, start: Array, rows: Array) -> float:
     return _step(directions, *_DETERMINED) * _step(explained, *_EXPLAINED)
 
 
-@lru_cache(maxsize=8)
+@weak_cache(8)
 def _usual(model: FaceModel, start_bytes: bytes) -> tuple[Array, Array]:
     """Return R, (r, r), and sum_v a_v R^T X_v^T X_v R / tr(X_v S X_v^T), (r, r)."""
     precision = prior_at(model, np.frombuffer(start_bytes)).usual().precisions[0]

@@ -1,13 +1,13 @@
 """Terms of the gaze: both eyes look at one target, and do not turn unless a constraint asks for it."""
 
 from collections.abc import Iterable
-from functools import lru_cache
 
 import numpy as np
 
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
+from faceposer.sized_cache import weak_cache
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.term import Array, PoseState, QuadraticTerm, ResidualTerm
 
@@ -82,7 +82,7 @@ def moves_eyes(character: Character, constraints: Iterable[Constraint]) -> bool:
     return any(c.enabled and c.weight > 0 and _has_point_on_eyes(character, c.points) for c in constraints)
 
 
-@lru_cache(maxsize=512)
+@weak_cache(512)
 def _has_point_on_eyes(character: Character, points: SurfacePoints) -> bool:
     """Return True if one of ``points`` is on an eyeball; cached, since dragging targets leaves the points unchanged."""
     vertices = np.where(points.faces < 0, -1 - points.faces, character.triangles[points.faces, 0])

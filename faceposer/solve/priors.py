@@ -1,6 +1,5 @@
 """Priors on natural expressions, as terms of the problem (Lau et al. 2009, section 5)."""
 
-from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.model.face_model import FaceModel
 from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
+from faceposer.sized_cache import weak_cache
 from faceposer.solve.term import Array, PoseState, QuadraticTerm
 
 #: Kind of prior: by region, of the whole face, or the mixture as it was learned, as in the paper.
@@ -137,6 +137,6 @@ def prior_at(model: FaceModel, start: Array, prior: Prior = "regions", wholeness
     return _centred_at(model, start.tobytes(), 1.0 if prior == "whole" else wholeness)
 
 
-@lru_cache(maxsize=8)
+@weak_cache(8)
 def _centred_at(model: FaceModel, start_bytes: bytes, wholeness: float) -> LocalMoments:
     return model.rig_density.conditioned_on(np.frombuffer(start_bytes), wholeness)

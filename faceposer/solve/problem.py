@@ -1,7 +1,7 @@
 """The maximum a posteriori problem: constraints and a prior over one face (Lau et al. 2009, eqs. (3) and (20))."""
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.muscles import dependent_pairs
-from faceposer.sized_cache import sized_cache
+from faceposer.sized_cache import sized_cache, weak_cache
 from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
 from faceposer.solve.gaze_terms import HeldGaze, ParallelGaze, eye_turns, gaze_differences, moves_eyes
@@ -304,7 +304,7 @@ def gather_points(model: FaceModel, constraints: Sequence[Constraint]) -> tuple[
     return _gathered(model, places)
 
 
-@sized_cache(lambda gathered, model, places: gathered[0].nbytes, *_CACHED)
+@sized_cache(lambda gathered, model, places: gathered[0].nbytes, *_CACHED, weak=True)
 def _gathered(
     model: FaceModel, places: tuple[tuple[SurfacePoints, Camera] | None, ...]
 ) -> tuple[AnchoredPoints, tuple[Indices, ...]]:
@@ -337,7 +337,7 @@ def _state_at(anchored: AnchoredPoints, pose: bytes) -> PoseState:
     return PoseState(anchored, np.frombuffer(pose))
 
 
-@lru_cache(maxsize=8)
+@weak_cache(8)
 def _limits_at(model: FaceModel, pose: bytes) -> Array:
     """Return the limits of the weights of the model's density, widened to a ``pose``, shape (W, 2)."""
     density = model.rig_density
@@ -346,7 +346,7 @@ def _limits_at(model: FaceModel, pose: bytes) -> Array:
     return limits
 
 
-@lru_cache(maxsize=4)
+@weak_cache(4)
 def _bounded_weights(model: FaceModel) -> tuple[Array, Array]:
     """Return the bounded weights as linear functions of the coefficients, (n, r), and their limits, (n, 2).
 

@@ -134,7 +134,7 @@ class ReachTerm(ResidualTerm):
         raise NotImplementedError
 
 
-@sized_cache(lambda reach, model, state, *_: state.nbytes + 2 * reach.steps.nbytes, *_CACHED)
+@sized_cache(lambda reach, model, state, *_: state.nbytes + 2 * reach.steps.nbytes, *_CACHED, weak=True)
 def _reach_of_points(model: FaceModel, state: PoseState, points: bytes, camera: Camera, limits: bytes) -> Reach:
     rows, neutral = state.anchored_at(np.frombuffer(points, dtype=np.intp))
     return reach_of_rows(model, state.p, rows, neutral, camera, np.frombuffer(limits).reshape(-1, 2))

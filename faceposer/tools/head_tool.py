@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
-from faceposer.identity.identity import HEAD_SIZE
+from faceposer.identity.identity import is_editable
 from faceposer.model.character import Character
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
@@ -41,8 +41,8 @@ class HeadTool(PosingTool):
         self.locked: frozenset[str] = frozenset()
 
     def usable(self, character: Character) -> bool:
-        """Return True if ``character`` has the size of the heads of the morphable model."""
-        return (len(character.vertices), len(character.polygons)) == HEAD_SIZE
+        """Return True if ``character`` has a head that the morphable model describes."""
+        return is_editable(character)
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Return True if the press ``event`` hits the face."""

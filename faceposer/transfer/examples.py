@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.model.face_model import FaceModel
+from faceposer.transfer.key_damping import chosen_damping
 from faceposer.transfer.key_parameters import (
-    THRESHOLD,
+    ROUNDING,
     Regions,
     feature_matrix,
     grouped,
@@ -63,6 +64,7 @@ class RegionClone:
         rows: Displacements of its feature points per coefficient of the source, shape (3 n, r).
         places: Displacements of its feature points in each key from the base, shape (K, 3 n), the base first.
         matrix: Parameters per displacement, F, shape (n', 3 n).
+        covered: The part of it that counts more than half, shape (n'', 3 n); the rest is damped.
         weights: Weights of the keys.
         targets: Displacements of the keys on the target from its base, confined to the region, shape (K, r').
         members: Index of the key of each of the source's keys, shape (M,); keys that do not differ here share one.
@@ -72,6 +74,7 @@ class RegionClone:
     rows: Array
     places: Array
     matrix: Array
+    covered: Array
     weights: KeyWeights
     targets: Array
     members: NDArray[np.intp]
@@ -83,6 +86,7 @@ class ExampleTransfer:
     The neutral faces, or the pair "neutral", are always a key.
 
     Attributes:
+        base: The neutral faces, or the pair "neutral".
         pairs: The keys without the base.
         points: Feature points of the source in use.
         regions: What is known of each region.
@@ -95,7 +99,7 @@ class ExampleTransfer:
         pairs: Sequence[KeyPair],
         points: Sequence[str] | None = None,
         regions: Regions = "whole",
-        threshold: float = THRESHOLD,
+        threshold: float | None = None,
     ) -> None:
         """Place the keys in the parameter space and solve for their weights.
 
@@ -105,25 +109,26 @@ class ExampleTransfer:
             pairs: The keys.
             points: Names of the source's feature points that give the parameters; None for all that move.
             regions: "whole" as in the paper; "halves" or "parts" to clone regions of the face separately.
-            threshold: Share of the largest variance of the keys below which directions are dropped.
+            threshold: Share of the largest variance of the keys below which directions are dropped, as in the paper;
+                None to damp small ones as cross-validation over the keys finds best.
 
         Raises:
             FacePoserError: If there is no key, too many, two of one expression, or one that is no face.
         """
         self.source, self.target = source, target
-        self._base = KeyPair(NEUTRAL, source.neutral(), target.neutral())
+        self.base = KeyPair(NEUTRAL, source.neutral(), target.neutral())
         for pair in pairs:
             _check_key(pair, source, target)
-        self._base = next((pair for pair in pairs if pair.name.casefold() == NEUTRAL), self._base)
+        self.base = next((pair for pair in pairs if pair.name.casefold() == NEUTRAL), self.base)
         self.pairs = tuple(pair for pair in pairs if pair.name.casefold() != NEUTRAL)
         if not self.pairs:
             raise FacePoserError("Cloning by examples needs a key besides the neutral face; add a pair of poses.")
         if len(self.pairs) >= MOST_KEYS:
             raise FacePoserError(f"There are {len(self.pairs)} keys, more than the maximum of {MOST_KEYS - 1}.")
         self.points = parameter_points(source.character, points)
-        everything = (self._base, *self.pairs)
-        sources = np.array([pair.source for pair in everything]) - self._base.source
-        targets = np.array([pair.target for pair in everything]) - self._base.target
+        everything = (self.base, *self.pairs)
+        sources = np.array([pair.source for pair in everything]) - self.base.source
+        targets = np.array([pair.target for pair in everything]) - self.base.target
         self._check_distinct(sources, [pair.name for pair in everything])
         groups = grouped(self.points, regions)
         if len(groups) == 1:
@@ -138,7 +143,7 @@ class ExampleTransfer:
 
     def _check_distinct(self, sources: Array, names: Sequence[str]) -> None:
         places = sources @ point_rows(self.source, self.points).T
-        least = _SAME * self.source.character.height * np.sqrt(len(self.points))
+        least = least_apart(self.source, self.points)
         for first, place in enumerate(places[:-1]):
             gaps = np.linalg.norm(places[first + 1 :] - place, axis=1)
             if not gaps.min() > least:
@@ -150,13 +155,13 @@ class ExampleTransfer:
 
     def weights(self, poses: Array) -> tuple[Array, ...]:
         """Return the weights of the keys of each region, the base first, for the source's ``poses``, (m, r)."""
-        moved = poses - self._base.source
+        moved = poses - self.base.source
         return tuple(region.weights(moved @ (region.matrix @ region.rows).T) for region in self.regions)
 
     def poses(self, poses: Array) -> Array:
         """Return the target's coefficients, shape (m, r'), for the source's, shape (m, r) (eqs. (9) to (11))."""
         blends = [weights @ region.targets for weights, region in zip(self.weights(poses), self.regions, strict=True)]
-        result: Array = self._base.target + sum(blends)
+        result: Array = self.base.target + sum(blends)
         return result
 
     def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
@@ -165,8 +170,27 @@ class ExampleTransfer:
 
     def displacements(self, poses: Array) -> tuple[Array, ...]:
         """Return the displacements of each region's points from the base, (m, 3 n), for the source's poses, (m, r)."""
-        moved = poses - self._base.source
+        moved = poses - self.base.source
         return tuple(moved @ region.rows.T for region in self.regions)
+
+
+def same_expression(model: FaceModel, one: Array, other: Array, points: Sequence[str] | None = None) -> bool:
+    """Return True if two poses, (r,) each, cannot be told apart at the feature points, so that they cannot be two keys.
+
+    Args:
+        model: The face.
+        one: Coefficients of a pose.
+        other: Coefficients of another pose.
+        points: Names of its feature points; None for all that move.
+    """
+    names = parameter_points(model.character, points)
+    gap = np.linalg.norm(point_rows(model, names) @ (np.asarray(one) - other))
+    return not gap > least_apart(model, names)
+
+
+def least_apart(model: FaceModel, names: Sequence[str]) -> float:
+    """Return the distance of the feature points ``names``, all together, below which two keys are the same."""
+    return float(_SAME * model.character.height * np.sqrt(len(names)))
 
 
 def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
@@ -174,7 +198,7 @@ def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
         if coefficients.shape != (model.n_coefficients,):
             raise FacePoserError(
                 f"The {side} of the key '{pair.name}' has {coefficients.size} coefficients, but the character "
-                f"'{model.character.name}' has {model.n_coefficients}; take the key from this character."
+                f"{model.character.label} has {model.n_coefficients}; take the key from this character."
             )
         # Comparisons with NaN are False.
         if (
@@ -182,7 +206,7 @@ def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
             < _FARTHEST * model.character.height
         ):
             raise FacePoserError(
-                f"The {side} of the key '{pair.name}' is no face: a vertex of '{model.character.name}' moves by more "
+                f"The {side} of the key '{pair.name}' is no face: a vertex of {model.character.label} moves by more "
                 f"than {_FARTHEST:g} times the height of the head; correct its weights."
             )
 
@@ -192,7 +216,9 @@ def _moves(source: FaceModel, sources: Array, names: Sequence[str]) -> bool:
     return bool(np.abs(sources @ point_rows(source, names).T).max() > _SAME * source.character.height)
 
 
-def _clone(name: str, rows: Array, sources: Array, targets: Array, threshold: float, merges: bool) -> RegionClone:
+def _clone(
+    name: str, rows: Array, sources: Array, targets: Array, threshold: float | None, merges: bool
+) -> RegionClone:
     places = sources @ rows.T
     members = np.arange(len(places), dtype=np.intp)
     if merges:
@@ -201,14 +227,17 @@ def _clone(name: str, rows: Array, sources: Array, targets: Array, threshold: fl
         # The base keeps its place, and its target: what does not move stays exactly neutral.
         places = np.array([places[0] if group[0] == 0 else places[group].mean(axis=0) for group in leaders])
         targets = np.array([targets[0] if group[0] == 0 else targets[group].mean(axis=0) for group in leaders])
-    matrix = feature_matrix(places, threshold)
+    matrix = feature_matrix(places, ROUNDING if threshold is None else threshold)
+    parameters = places @ matrix.T
+    damping = chosen_damping(parameters, targets) if threshold is None else 0.0
+    covered = feature_matrix(places, damping) if threshold is None else matrix
     try:
-        weights = KeyWeights(places @ matrix.T)
+        weights = KeyWeights(parameters, damping)
     except ValueError as error:
         raise FacePoserError(
             "Two keys are nearly the same expression of the source; remove one of them, or use more feature points."
         ) from error
-    return RegionClone(name, rows, places, matrix, weights, targets, members)
+    return RegionClone(name, rows, places, matrix, covered, weights, targets, members)
 
 
 def _merged(places: Array) -> NDArray[np.intp]:

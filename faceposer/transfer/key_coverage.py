@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
-from faceposer.transfer.examples import ExampleTransfer, KeyPair
+from faceposer.progress import Progress
+from faceposer.transfer.examples import NEUTRAL, ExampleTransfer, KeyPair, least_apart
 from faceposer.transfer.key_parameters import Regions, parameter_points, point_rows
 
 Array = NDArray[np.float64]
@@ -21,8 +22,13 @@ Array = NDArray[np.float64]
 OUTSIDE, STRONG = 0.005, 3.0
 # Frames that are chosen before the directions of the keys are found anew.
 _ROUND = 16
+# Frames whose weights are computed at once.
+_BLOCK = 2048
 # Residuals below this share of the motion are rounding errors.
 _NOTHING = 1e-12
+# Share of the motion that is missed, in squares, below which keys are spread over the frames instead; distance of a
+# frame from its nearest key, as a share of the height of the head, below which it needs no key.
+_COVERED, _NEAR = 1e-4, 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +66,29 @@ class HelpfulFrame:
     missed: float
 
 
-def coverage(transfer: ExampleTransfer, poses: Array) -> Coverage:
-    """Return the coverage of the source's ``poses``, (m, r), by the keys of ``transfer``."""
+def coverage(transfer: ExampleTransfer, poses: Array, progress: Progress | None = None) -> Coverage:
+    """Return the coverage of the source's ``poses``, (m, r), by the keys of ``transfer``.
+
+    Raises:
+        CancelledError: If the ``progress`` was cancelled.
+    """
+    parts = []
+    for part in _blocks(len(poses)):
+        (progress or Progress()).check()
+        parts.append(_coverage(transfer, poses[part]))
+    return Coverage(
+        np.concatenate([part.distances for part in parts]),
+        np.concatenate([part.motions for part in parts]),
+        np.concatenate([part.strengths for part in parts]),
+    )
+
+
+def _blocks(count: int) -> list[slice]:
+    """Return blocks of ``count`` frames, one at least, so that all weights of a long animation need little memory."""
+    return [slice(first, first + _BLOCK) for first in range(0, max(count, 1), _BLOCK)]
+
+
+def _coverage(transfer: ExampleTransfer, poses: Array) -> Coverage:
     moved = transfer.displacements(poses)
     missed = _residuals(transfer, moved)
     count = sum(block.shape[1] for block in moved) / 3.0
@@ -84,7 +111,11 @@ def reach_of(transfer: ExampleTransfer, pose: Array) -> tuple[float, str]:
 
 
 def helpful_frames(
-    transfer: ExampleTransfer, poses: Array, count: int, left_out: Sequence[int] = ()
+    transfer: ExampleTransfer,
+    poses: Array,
+    count: int,
+    left_out: Sequence[int] = (),
+    progress: Progress | None = None,
 ) -> list[HelpfulFrame]:
     """Return up to ``count`` of the source's ``poses``, (m, r), that help most as keys, the best first.
 
@@ -96,27 +127,46 @@ def helpful_frames(
         poses: The source's frames.
         count: Number of frames to find.
         left_out: Frames that are keys already.
+        progress: May cancel the search.
+
+    Raises:
+        CancelledError: If the progress was cancelled.
     """
-    moved = transfer.displacements(poses)
-    missed = _residuals(transfer, moved)
-    total = sum(float((block**2).sum()) for block in moved)
+    progress, blocks = progress or Progress(), _blocks(len(poses))
+    missed = [np.empty((len(poses), len(region.rows))) for region in transfer.regions]
+    total = 0.0
+    for part in blocks:
+        progress.check()
+        moved = transfer.displacements(poses[part])
+        total += sum(_square(block) for block in moved)
+        for whole, block in zip(missed, _residuals(transfer, moved), strict=True):
+            whole[part] = block
     found: list[HelpfulFrame] = []
-    for _ in range(count):
-        left = sum(float((block**2).sum()) for block in missed)
-        if left <= _NOTHING * total:
-            break
+    left = sum(_square(whole[part]) for whole in missed for part in blocks)
+    while len(found) < count and left > _NOTHING * total:
         gains = np.zeros(len(poses))
-        for block in missed:
-            squares = np.einsum("mn,mn->m", block, block)
-            along = np.einsum("mn,mn->m", block @ (block.T @ block), block)
-            gains += np.where(squares > _NOTHING * max(squares.max(), 1e-300), along / np.maximum(squares, 1e-300), 0.0)
+        for whole in missed:
+            squares = np.einsum("mn,mn->m", whole, whole)
+            together, least = whole.T @ whole, _NOTHING * max(squares.max(), 1e-300)
+            for part in blocks:
+                progress.check()
+                along = np.einsum("mn,mn->m", whole[part] @ together, whole[part])
+                gains[part] += np.where(squares[part] > least, along / np.maximum(squares[part], 1e-300), 0.0)
         gains[list(left_out)] = -1.0
         best = int(np.argmax(gains))
         if gains[best] <= 0.0:
             break
-        missed = [_without(block, block[best]) for block in missed]
-        found.append(HelpfulFrame(best, sum(float((block**2).sum()) for block in missed) / total))
+        for whole in missed:
+            direction = whole[best].copy()
+            for part in blocks:
+                whole[part] = _without(whole[part], direction)
+        left = sum(_square(whole[part]) for whole in missed for part in blocks)
+        found.append(HelpfulFrame(best, left / total))
     return found
+
+
+def _square(block: Array) -> float:
+    return float(np.einsum("mn,mn->", block, block))
 
 
 def chosen_frames(
@@ -126,11 +176,15 @@ def chosen_frames(
     count: int,
     points: Sequence[str] | None = None,
     regions: Regions = "whole",
+    threshold: float | None = None,
+    base: Array | None = None,
 ) -> list[HelpfulFrame]:
     """Return up to ``count`` of the source's ``poses``, (m, r), as further keys, the best first.
 
-    The choice is made in rounds, since keys determine the directions in which they count. Without a key, it begins with
-    the frame that is farthest from the neutral face.
+    The first ones are those that add most to the combinations of keys. They are chosen in rounds, since keys determine
+    the directions in which they count, and begin with the frame that is farthest from the base if there is no key. When
+    the combinations have nearly all of the motion, each further one is the frame that is farthest from all keys, since
+    between keys the target does what is no combination of them. Frames that are the expression of a key are left out.
 
     Args:
         source: The face that plays.
@@ -139,33 +193,76 @@ def chosen_frames(
         count: Number of frames to find.
         points: Feature points that give the parameters; None for all that move.
         regions: Regions that are cloned separately.
+        threshold: Share of the largest variance of the keys below which directions are dropped; None to damp them.
+        base: Coefficients of the base of the keys; None for the neutral face.
     """
+    base = source.neutral() if base is None else base
     chosen: list[HelpfulFrame] = []
     present = list(keys)
+    names = parameter_points(source.character, points)
+    rows = point_rows(source, names)
+    least = least_apart(source, names)
+
+    def is_new(pose: Array) -> bool:
+        return bool(np.linalg.norm((np.array([base, *present]) - pose) @ rows.T, axis=1).min() > least)
+
     if not present:
-        names = parameter_points(source.character, points)
-        first = int(np.argmax(((poses @ point_rows(source, names).T) ** 2).sum(axis=1)))
+        first = int(np.argmax((((poses - base) @ rows.T) ** 2).sum(axis=1)))
+        if not is_new(poses[first]):
+            return []
         present.append(poses[first])
         chosen.append(HelpfulFrame(first, 1.0))
-    while len(chosen) < count:
-        pairs = [KeyPair(str(i), key, key) for i, key in enumerate(present)]
-        transfer = ExampleTransfer(source, source, pairs, points, regions)
+    covered = False
+    while len(chosen) < count and not covered:
+        pairs = [KeyPair(NEUTRAL, base, base), *(KeyPair(str(i), key, key) for i, key in enumerate(present))]
+        transfer = ExampleTransfer(source, source, pairs, points, regions, threshold)
         if len(chosen) == 1 and not len(keys):
             chosen = [HelpfulFrame(chosen[0].frame, coverage(transfer, poses).missed)]
         taken = [helpful.frame for helpful in chosen]
         found = helpful_frames(transfer, poses, min(_ROUND, count - len(chosen)), taken)
-        if not found:
+        enough = next((i for i, helpful in enumerate(found) if helpful.missed < _COVERED), len(found))
+        covered = enough < _ROUND
+        before = len(chosen)
+        for helpful in found[: enough + 1]:
+            if is_new(poses[helpful.frame]):
+                chosen.append(helpful)
+                present.append(poses[helpful.frame])
+        covered = covered or len(chosen) == before
+    return chosen + _far_frames(poses @ rows.T, np.array([base, *present]) @ rows.T, count - len(chosen), source)
+
+
+def _far_frames(moved: Array, keys: Array, count: int, source: FaceModel) -> list[HelpfulFrame]:
+    """Return up to ``count`` frames, each the farthest from all keys, and from those before.
+
+    Args:
+        moved: Displacements of the feature points in the frames, shape (m, 3 n).
+        keys: The same of the keys, the base first, shape (K, 3 n).
+        count: Number of frames to find.
+        source: The face that plays.
+    """
+    moved, places = moved - keys[0], keys - keys[0]
+    total = float((moved**2).sum())
+    distances = np.min([np.linalg.norm(moved - place, axis=1) for place in places], axis=0)
+    least = _NEAR * source.character.height * np.sqrt(moved.shape[1] / 3.0)
+    _, sizes, axes = np.linalg.svd(places, full_matrices=False)
+    axes = axes[sizes > np.sqrt(_NOTHING) * sizes[0]]
+    missed = moved - (moved @ axes.T) @ axes
+    found: list[HelpfulFrame] = []
+    while len(found) < count:
+        best = int(np.argmax(distances))
+        if distances[best] < least:
             break
-        chosen += found
-        present += [poses[helpful.frame] for helpful in found]
-    return chosen
+        distances = np.minimum(distances, np.linalg.norm(moved - moved[best], axis=1))
+        missed = _without(missed, missed[best])
+        found.append(HelpfulFrame(best, float((missed**2).sum()) / total))
+    return found
 
 
 def _residuals(transfer: ExampleTransfer, moved: tuple[Array, ...]) -> list[Array]:
     """Return what no combination of keys has of the displacements ``moved`` of each region."""
     residuals = []
     for region, block in zip(transfer.regions, moved, strict=True):
-        residuals.append(block - (block @ region.matrix.T) @ region.matrix)
+        residuals.append(block - (block @ region.covered.T) @ region.covered)
     return residuals
 
 

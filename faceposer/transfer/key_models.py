@@ -4,6 +4,7 @@ Pyun et al., "An example-based approach for facial expression cloning", SCA 2003
 parameters, which the paper leaves open, were chosen on pictures of the built-in characters.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -44,29 +45,33 @@ class Importance:
     values: Array
 
 
-def importance(vertices: ArrayLike, verbal: ArrayLike, emotional: ArrayLike, height: float) -> Importance:
+def importance(
+    vertices: ArrayLike, verbal: Iterable[ArrayLike], emotional: Iterable[ArrayLike], height: float
+) -> Importance:
     """Return the importance of the vertices of a face for speech.
 
     Args:
         vertices: Neutral positions, shape (N, 3).
-        verbal: Displacements in the verbal keys, shape (P, N, 3).
-        emotional: Displacements in the emotional keys, shape (E, N, 3).
+        verbal: Displacements in the verbal keys, each of shape (N, 3).
+        emotional: Displacements in the emotional keys, each of shape (N, 3).
         height: Height of the head in the unit of the vertices.
 
     Raises:
         FacePoserError: If the keys of a kind are missing, or move nothing.
     """
-    p1, e1 = _largest(verbal, "verbal"), _largest(emotional, "emotional")
     positions = np.asarray(vertices, dtype=np.float64)
+    p1, e1 = (_largest(keys, len(positions), kind) for keys, kind in ((verbal, "verbal"), (emotional, "emotional")))
     p2, e2 = _spread(positions, p1, _VERBAL_REACH * height), _spread(positions, e1, _EMOTIONAL_REACH * height)
     values = np.where(p2 < _VERBAL_ABOVE, p2 * (1.0 - e2), 1.0 - (1.0 - p2) * e2)
     return Importance(p1, e1, p2, e2, values)
 
 
-def _largest(displacements: ArrayLike, kind: str) -> Array:
-    moved = np.asarray(displacements, dtype=np.float64)
-    largest = np.linalg.norm(moved, axis=2).max(axis=0, initial=0.0)
-    if not len(moved) or not largest.max(initial=0.0) > 0.0:
+def _largest(keys: Iterable[ArrayLike], count: int, kind: str) -> Array:
+    # One key at a time: all of them in double precision would need much memory.
+    largest = np.zeros(count)
+    for key in keys:
+        largest = np.maximum(largest, np.linalg.norm(np.asarray(key, dtype=np.float64), axis=1))
+    if not largest.max(initial=0.0) > 0.0:
         tag = {"verbal": "viseme", "emotional": "expression"}[kind]
         raise FacePoserError(
             f"There are no {kind} keys that move the face, so that none can be composed; give poses the tag '{tag}'."

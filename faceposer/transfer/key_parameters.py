@@ -21,9 +21,11 @@ Array = NDArray[np.float64]
 Regions = Literal["whole", "halves", "parts"]
 REGIONS: tuple[Regions, ...] = get_args(Regions)
 
-#: Eigenvalues of the covariance below this share of the largest are dropped. The paper's threshold has the same value,
-#: in the square of a unit that it does not state. Much smaller ones exaggerate small differences between keys.
-THRESHOLD = 1e-5
+#: Eigenvalues of the covariance below this share of the largest are dropped by the paper, whose threshold has the same
+#: value in the square of a unit that it does not state.
+PAPER_THRESHOLD = 1e-5
+#: Those below this share are rounding errors.
+ROUNDING = 1e-12
 
 #: The feature points of the paper's figure 7, as nearly as the names of MPEG-4 allow: 20 points of mouth, eyes, brows,
 #: chin and cheeks.
@@ -55,7 +57,7 @@ def parameter_points(character: Character, names: Sequence[str] | None = None) -
         chosen = tuple(name for name in names if name in known)
     if len(chosen) < _FEWEST:
         raise FacePoserError(
-            f"The character '{character.name}' has {len(chosen)} of the feature points that cloning by examples needs, "
+            f"The character {character.label} has {len(chosen)} of the feature points that cloning by examples needs, "
             "fewer than three; transfer by weights, or train it again with ARKit's shape names or from its examples."
         )
     return chosen
@@ -91,7 +93,7 @@ def grouped(names: Sequence[str], regions: Regions) -> dict[str, tuple[str, ...]
     return {region: tuple(points) for region, points in groups.items()}
 
 
-def feature_matrix(displacements: Array, threshold: float = THRESHOLD) -> Array:
+def feature_matrix(displacements: Array, threshold: float = PAPER_THRESHOLD) -> Array:
     """Return the principal components F of ``displacements``, (M, 3 n), of shape (n', 3 n) (eq. (2)).
 
     Args:

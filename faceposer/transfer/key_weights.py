@@ -28,7 +28,8 @@ class KeyWeights:
 
     Linear functions are fitted by least squares (eq. (5)). Radial functions around the keys, cubic B-splines as wide as
     the distance to the nearest other key, then take up what remains at the keys (eqs. (6) to (8)). Far from all keys
-    only the linear functions remain, which extrapolate.
+    only the linear functions remain, which extrapolate. With damping they are fitted by ridge regression, so that
+    directions in which the keys hardly differ count less; the radial functions still make the weights cardinal.
 
     Attributes:
         places: Places of the keys, shape (M, n).
@@ -36,8 +37,13 @@ class KeyWeights:
             be singular.
     """
 
-    def __init__(self, places: ArrayLike) -> None:
-        """Fit the functions of keys at ``places``, shape (M, n).
+    def __init__(self, places: ArrayLike, damping: float = 0.0) -> None:
+        """Fit the functions of keys.
+
+        Args:
+            places: Places of the keys, shape (M, n).
+            damping: Penalty of the slopes, relative to the largest variance of the places; a direction with this share
+                of it counts half. 0 for plain least squares.
 
         Raises:
             ValueError: If there are fewer than two keys, or two at the same place.
@@ -47,8 +53,7 @@ class KeyWeights:
         if count < 2:
             raise ValueError("two keys or more are needed")
         distances = _distances(self.places, self.places)
-        linear = np.linalg.lstsq(_affine(self.places), np.eye(count), rcond=None)[0]
-        self._linear = np.asarray(linear, dtype=np.float64)
+        self._linear = _fitted(self.places, damping)
         residual = np.eye(count) - _affine(self.places) @ self._linear
         apart = distances + np.diag(np.full(count, np.inf))
         self.dilations: Array = np.asarray(apart.min(axis=1), dtype=np.float64)
@@ -66,6 +71,16 @@ class KeyWeights:
         radial = cubic_b_spline(_distances(points, self.places) / self.dilations)
         weights: Array = _affine(points) @ self._linear + radial @ self._radial
         return weights
+
+
+def _fitted(places: Array, damping: float) -> Array:
+    """Return the constants and slopes of the linear functions of keys at ``places``, (M, n), shape (1 + n, M)."""
+    mean = places.mean(axis=0)
+    left, sizes, right = np.linalg.svd(places - mean, full_matrices=False)
+    kept = sizes > max(places.shape) * np.finfo(np.float64).eps * sizes.max(initial=0.0)
+    left, sizes, right = left[:, kept], sizes[kept], right[kept]
+    slopes = right.T @ ((sizes / (sizes**2 + damping * sizes.max(initial=0.0) ** 2))[:, None] * left.T)
+    return np.vstack([1.0 / len(places) - mean @ slopes, slopes])
 
 
 def _affine(places: Array) -> Array:

@@ -120,7 +120,7 @@ def shared_pairs(pairs: Sequence[Pair], source: Character, target: Character) ->
     for character in (source, target):
         if not character.feature_points:
             raise FacePoserError(
-                f"The character '{character.name}' has no feature points to measure distances between; transfer by "
+                f"The character {character.label} has no feature points to measure distances between; transfer by "
                 "weights, or train it again with ARKit's shape names, from which feature points are found."
             )
     shared = tuple(
@@ -130,7 +130,7 @@ def shared_pairs(pairs: Sequence[Pair], source: Character, target: Character) ->
     )
     if not shared:
         raise FacePoserError(
-            f"None of the pairs can be measured on both '{source.name}' and '{target.name}'; choose pairs of feature "
+            f"None of the pairs can be measured on both {source.label} and {target.label}; choose pairs of feature "
             "points that both characters have."
         )
     return shared

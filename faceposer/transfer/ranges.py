@@ -5,13 +5,13 @@ minimum and maximum of key features of the face" (Lau et al. 2009, section 7).
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.model.face_model import FaceModel
+from faceposer.sized_cache import weak_cache
 from faceposer.transfer.pairs import PAPER_PAIRS, Pair
 from faceposer.transfer.terms import PairPoints
 
@@ -82,7 +82,7 @@ def measure_ranges(model: FaceModel, pairs: tuple[Pair, ...]) -> Ranges:
     return _ranges_of_ends(model, tuple((pair.first, pair.second) for pair in pairs))
 
 
-@lru_cache(maxsize=16)
+@weak_cache(16)
 def _ranges_of_ends(model: FaceModel, ends: tuple[tuple[str, str], ...]) -> Ranges:
     pairs = [Pair("", *pair) for pair in ends]
     density = model.rig_density

@@ -35,7 +35,7 @@ def region_shares(model: FaceModel, points: Mapping[str, Sequence[str]]) -> Arra
         ids = [character.feature_points[name] for name in names if name in character.feature_points]
         if not ids:
             raise FacePoserError(
-                f"The character '{character.name}' has no feature points of the {region}, so that its regions cannot "
+                f"The character {character.label} has no feature points of the {region}, so that its regions cannot "
                 "be cloned separately; clone the face as a whole."
             )
         distances, _ = cKDTree(vertices[ids]).query(vertices)

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 def arkit_rows(character: Character) -> dict[str, int]:
     """Return the indices of the ``character``'s non-zero ARKit shapes, by the name of the shape or of its half."""
-    found = match_arkit(character.shape_names, f"The character '{character.name}'").shapes
+    found = match_arkit(character.shape_names, f"The character {character.label}").shapes
     moving = np.abs(character.shapes).max(axis=(1, 2), initial=0.0) > 0
     return {found[name]: i for i, name in enumerate(character.shape_names) if name in found and moving[i]}
 
@@ -38,7 +38,7 @@ class WeightMap:
         for character, rows in ((source, source_rows), (target, target_rows)):
             if not rows:
                 raise FacePoserError(
-                    f"The character '{character.name}' has none of ARKit's shapes, so that weights cannot be "
+                    f"The character {character.label} has none of ARKit's shapes, so that weights cannot be "
                     "transferred; transfer by distances."
                 )
         self.matrix = np.zeros((len(target.shape_names), len(source.shape_names)))
@@ -52,7 +52,7 @@ class WeightMap:
         self.missing = tuple(name for name in source_rows if name not in used)
         if not self.shared:
             raise FacePoserError(
-                f"The characters '{source.name}' and '{target.name}' have no ARKit shape in common; transfer by "
+                f"The characters {source.label} and {target.label} have no ARKit shape in common; transfer by "
                 "distances."
             )
 

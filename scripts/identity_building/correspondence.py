@@ -1,6 +1,6 @@
 """Our skin laid on the mean of the scans: landmarks of both, curves, and closest points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from faceposer.geometry.picking import SurfacePoints
 from faceposer.geometry.polygon_mesh import triangle_fans
 from faceposer.identity.anatomy.loops import LASH_RING
 from faceposer.identity.registration import LandmarkPairs, Registration, RegistrationSettings, align, register
+from faceposer.identity.scan_surface import ScanSurface
+from faceposer.identity.template import head_template
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.on_meshes import find_mesh_landmarks
 from faceposer.landmarks.reference import reference
@@ -67,7 +69,23 @@ def correspondence(man: Character, skin: Skin, people: ScannedPeople, progress: 
     searching = _searching(own, skin, inner)
     found = register(TriangleMesh(scale * own, triangles), target, pairs, SETTINGS, progress, searching=searching)
     known = found.used | _on_curves(pairs, len(own))
-    return Correspondence(found, scale, known, found.points, inner)
+    mirror = head_template().mirror
+    even = _even(found, mirror, target)
+    return Correspondence(even, scale, known & known[mirror], even.points, inner)
+
+
+def _even(found: Registration, mirror: NDArray[np.int64], target: TriangleMesh) -> Registration:
+    """Return ``found`` with each vertex in the middle of its place and the mirror image of its partner's.
+
+    The mean of the scans is symmetric, within .05 mm, and so is our topology. Without this, the vertices lie about
+    half a millimetre further along the surface on one side than on the other. Heads and their mirror images would then
+    differ by more than their form, and what tells them apart would become a mode, which no scan shows.
+    """
+    there = found.in_target()
+    middle = 0.5 * (there + there[mirror] * _FLIP)
+    points, distances = ScanSurface.of(target).nearest.points(middle)
+    scale = float(found.frame.scale)
+    return replace(found, vertices=found.frame.apply(middle), points=points, distances=scale * distances)
 
 
 def _frame(pairs: LandmarkPairs, own: Floats, triangles: NDArray[np.int32]) -> Similarity:
@@ -83,8 +101,11 @@ def _pairs(
     found = find_mesh_landmarks(seen_mesh, upright)
     assert found is not None, "no face is seen on the mean of the scans"
     ours, apart = NearestSurface(own, triangles, np.arange(len(triangles))).points(reference().places)
-    seen = np.flatnonzero(np.isfinite(found.points).all(axis=1) & (apart < 0.5))
-    trust = 1.0 / (1.0 + (found.spread[seen] / _HALF_SPREAD) ** 2)
+    partner = reference().mirror
+    there = 0.5 * (found.points + found.points[partner] * _FLIP)
+    spread = np.fmax(found.spread, found.spread[partner])
+    seen = np.flatnonzero(np.isfinite(there).all(axis=1) & (apart < 0.5))
+    trust = 1.0 / (1.0 + (spread[seen] / _HALF_SPREAD) ** 2)
     marked = [*EAR, *NOSE]
     mirrored, _ = NearestSurface(own, triangles, np.arange(len(triangles))).at_vertices(
         own[[v for v, _ in marked]] * _FLIP
@@ -92,12 +113,12 @@ def _pairs(
     exact = np.array(
         [man.feature_points[name] for name in _SAME] + [v for v, _ in marked] + (-1 - mirrored.faces).tolist()
     )
-    there = np.array([place for _, place in marked])
-    places = np.concatenate([people.mean[people.landmarks[list(_SAME.values())]], there, there * _FLIP])
+    ears = np.array([place for _, place in marked])
+    places = np.concatenate([people.mean[people.landmarks[list(_SAME.values())]], ears, ears * _FLIP])
     curves = [*lid_points(skin, own, people), contact_points(skin, own, people)]
     on_curves = np.concatenate([curve.vertices for curve in curves])
     points = ours.subset(seen).joined(SurfacePoints.at_vertices(exact)).joined(SurfacePoints.at_vertices(on_curves))
-    where = np.concatenate([found.points[seen], places, *(curve.places for curve in curves)])
+    where = np.concatenate([there[seen], places, *(curve.places for curve in curves)])
     weights = np.concatenate([trust, np.full(len(exact), _EXACT), np.full(len(on_curves), _CURVE)])
     return LandmarkPairs(points, where, weights), on_curves
 

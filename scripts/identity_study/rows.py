@@ -27,6 +27,6 @@ def row(
         "n": len(errors),
         "error_mm_median": round(float(np.mean(medians)), 4),
         "error_mm_mean": round(float(np.mean(means)), 4),
-        "seconds": round(seconds, 2),
+        "seconds": round(float(seconds), 2),
         **more,
     }

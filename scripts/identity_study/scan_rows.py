@@ -1,21 +1,36 @@
 """Rows of heads from scans: of sampled identities, whose truth is known, and of a real one."""
 
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from faceposer.geometry.alignment import rigid_alignment
 from faceposer.identity.model_file import load_identity_model
 from faceposer.identity.scans.fitting import STAGES, fit_head
-from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, marked_scan, read_scan, shipped_basis
+from faceposer.identity.scans.head_from_scans import (
+    Scan,
+    head_from_scans,
+    known_landmarks,
+    marked_scan,
+    read_scan,
+    shipped_basis,
+)
 from faceposer.identity.scans.learning import learning_rounds
 from faceposer.identity.scans.scan import composed, placed_scan
 from faceposer.landmarks.drawing import PaintedMesh
+from faceposer.model.character_file import load_character
 from faceposer.progress import Progress
+from scripts.identity_study.eos_fit import EosFit, has_eos
 from scripts.identity_study.rows import row
 from scripts.identity_study.sampling import SampledScans, vertex_errors
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: First seed of scans; identities the model was learned from have others.
 _SEED, _COUNT = 50_000, 10_000
@@ -25,14 +40,18 @@ _FACE = 0.9
 _COUNT_LEARNING = 6000
 
 
-def scan_rows(sampled: SampledScans, n: int, damaged: bool = False) -> Iterator[dict[str, Any]]:
-    """Yield the rows of fits to scans of ``n`` unseen identities: vertex errors of the face."""
+def scan_rows(sampled: SampledScans, n: int, damaged: bool = False, hair: bool = False) -> Iterator[dict[str, Any]]:
+    """Yield the rows of fits to scans of ``n`` unseen identities: vertex errors of the face.
+
+    Scans with hair also have the distance of the scalp from the true one, along its normals.
+    """
     basis = shipped_basis()
     face = sampled.known & (basis.trust >= _FACE)
     mean, whole, segmented, detailed = [], [], [], []
+    scalps: list[float] = []
     seconds = np.zeros(3)
     for seed in range(_SEED, _SEED + n):
-        made = sampled.scan(seed, _COUNT, damaged)
+        made = sampled.scan(seed, _COUNT, damaged, hair)
         began = time.perf_counter()
         scan = marked_scan(Scan(f"identity {seed}", PaintedMesh(made.mesh.vertices, made.mesh.triangles)), Progress())
         placed = placed_scan(basis, scan.mesh, scan.landmarks, scan.name)
@@ -47,12 +66,45 @@ def scan_rows(sampled: SampledScans, n: int, damaged: bool = False) -> Iterator[
         seconds[2] += marked - began + time.perf_counter() - began
         frame = result.scans[0].frame.inverse()
         segmented.append(vertex_errors(made.in_centimetres(frame.apply(result.fit.posed(0))), made.truth, face))
-        detailed.append(vertex_errors(made.in_centimetres(frame.apply(result.scans[0].posed)), made.truth, face))
-    name, modes = "scan with holes" if damaged else "scan", len(basis.modes)
+        posed = made.in_centimetres(frame.apply(result.scans[0].posed))
+        detailed.append(vertex_errors(posed, made.truth, face))
+        scalps.append(_scalp_error(posed, made.truth, face, sampled.known))
+    name, modes = "scan with holes" if damaged else "scan with hair" if hair else "scan", len(basis.modes)
     yield row(name, "mean", 0, mean, 0.0)
     yield row(name, "model", modes, whole, seconds[1] / n)
     yield row(name, "model, segments", modes, segmented, seconds[2] / n)
-    yield row(name, "model, segments, detail", modes, detailed, seconds[2] / n)
+    more = {"scalp_mm_mean": round(float(np.mean(scalps)), 4)} if hair else {}
+    yield row(name, "model, segments, detail", modes, detailed, seconds[2] / n, **more)
+
+
+def eos_rows(sampled: SampledScans, n: int) -> Iterator[dict[str, Any]]:
+    """Yield the row of fits by eos to the landmarks of the scans of `scan_rows`, if it is installed."""
+    if not has_eos():
+        print("eos is not installed (pip install eos-py): its row is left out.", file=sys.stderr)
+        return
+    basis = shipped_basis()
+    face = sampled.known & (basis.trust >= _FACE)
+    rival = EosFit(basis)
+    errors, seconds = [], 0.0
+    for seed in range(_SEED, _SEED + n):
+        made = sampled.scan(seed, _COUNT)
+        scan = marked_scan(Scan(f"identity {seed}", PaintedMesh(made.mesh.vertices, made.mesh.triangles)), Progress())
+        placed = placed_scan(basis, scan.mesh, known_landmarks(scan), scan.name)
+        began = time.perf_counter()
+        head = rival.head(placed)
+        seconds += time.perf_counter() - began
+        errors.append(vertex_errors(head, made.truth, face))
+    yield row("scan", "eos-py, landmarks", len(basis.modes), errors, seconds / n)
+
+
+def _scalp_error(head: Array, truth: Array, face: Mask, known: Mask) -> float:
+    """Return the mean distance of the scalp of ``head`` from the true one along its normals, laid on it by the face."""
+    scalp = load_character("man").regions["scalp"]
+    scalp = scalp[scalp < len(known)]
+    scalp = scalp[known[scalp]]
+    moved = rigid_alignment(head[face], truth[face], scale=True).apply(head[scalp])
+    normals = shipped_basis().normals(truth)[scalp]
+    return 10.0 * float(np.abs(np.einsum("nd,nd->n", moved - truth[scalp], normals)).mean())
 
 
 def real_scan_rows(folder: Path) -> Iterator[dict[str, Any]]:

@@ -13,6 +13,9 @@ from PIL import Image
 from faceposer.geometry.obj_io import write_obj
 from faceposer.geometry.ply_io import write_ply
 from faceposer.geometry.polygon_mesh import Group
+from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.template import head_template
 from faceposer.interchange.gltf_builder import GltfBuilder
 from faceposer.interchange.live_link import write_live_link
 from faceposer.interchange.weights_json import write_weights
@@ -74,6 +77,13 @@ def _files(folder: Path, model: FaceModel) -> dict[str, dict[str, Any]]:
                 "version": 1,
                 "subject": "low",
                 "constraints": _constraints(),
+            },
+            "head.json": {
+                "format": "faceposer.session",
+                "version": 1,
+                "subject": "man",
+                "constraints": [],
+                "identity": _identity(),
             },
         },
         "journal": {
@@ -147,6 +157,14 @@ def _files(folder: Path, model: FaceModel) -> dict[str, dict[str, Any]]:
 def _weights(model: FaceModel, frames: int) -> Any:
     rng = np.random.default_rng(0)
     return np.round(rng.uniform(0.0, 0.6, (frames, len(model.character.shape_names))), 3)
+
+
+def _identity() -> dict[str, Any]:
+    detail = np.zeros((head_template().n_control, 3))
+    detail[::50, 2] = 0.01
+    layers = SkinLayers(hair="short", brow_colour=(0.1, 0.2, 0.3))
+    shape = np.random.default_rng(0).standard_normal((4, 100)).round(3)
+    return Identity.of(shape, detail, SkinTexture((0.5, -0.25, *6 * (0.0,)), layers, eyes=(0.3, 0.2, 0.1))).to_json()
 
 
 def _constraints() -> list[dict[str, Any]]:

@@ -480,5 +480,5 @@ def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
     assert keys.helpful_frames(motion, 1)[0].frame == 0
     with pytest.raises(FacePoserError, match="needs 'keys'"):
         face.transfer_to("low", "examples")
-    with pytest.raises(FacePoserError, match="not for 'man'"):
+    with pytest.raises(FacePoserError, match="not for Man"):
         face.transfer_to("man", "examples", keys=keys.folder)

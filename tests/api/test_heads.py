@@ -1,6 +1,8 @@
 """Heads through the Python interface."""
 
+import gc
 import re
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +10,12 @@ import pytest
 
 import faceposer
 from faceposer import Face, FacePoserError
+from faceposer.geometry.mesh_io import read_mesh
+from faceposer.geometry.obj_io import write_obj
 from faceposer.identity.editing import head_editor
+from faceposer.session.key_folder import KeyFolder
 from faceposer.session.opening import open_session
+from tests.command_line import run_captured
 
 
 @pytest.fixture
@@ -94,6 +100,9 @@ def test_a_head_becomes_a_character(face: Face, tmp_path: Path) -> None:
         (lambda face: face.set_attributes(age=9.0), "from -0.8 to 1.4, not 9"),
         (lambda face: face.set_attributes(age=float("nan")), "from -0.8 to 1.4, not nan"),
         (lambda face: face.set_attributes(age="old"), "'age' must be a number"),
+        (lambda face: face.set_attributes([("age", 1.0)]), "given by name"),
+        (lambda face: face.set_attributes({1: 0.5}), "must be a text, not 1"),
+        (lambda face: face.mix(None), "other head must be"),
         (lambda face: face.caricature(-1.0), "factor of a caricature"),
         (lambda face: face.mix("woman", 1.5), "share"),
         (lambda face: face.mix("creature"), "Goblin"),
@@ -104,6 +113,8 @@ def test_a_head_becomes_a_character(face: Face, tmp_path: Path) -> None:
         (lambda face: face.set_skin(tone=3.0), "tone"),
         (lambda face: face.save_character("me.obj"), "npz"),
         (lambda face: face.save_character("me.npz", title=" "), "title"),
+        (lambda face: face.save_character("me.npz", title="x" * 5000), "title"),
+        (lambda face: face.save_character("me.npz", title="a\0b"), "title"),
         (lambda _: faceposer.load("low").set_attributes(age=0.5), "cannot be edited"),
         (lambda _: faceposer.new_head(1, base="creature"), "cannot be edited"),
     ],
@@ -118,6 +129,21 @@ def test_other_arguments_get_one_sentence(
     assert not list(tmp_path.iterdir())
 
 
+def test_heads_that_were_changed_again_are_released(face: Face) -> None:
+    models = []
+    gc.disable()
+    try:
+        for seed in range(5):
+            face.randomise(seed, texture=None)
+            x, y = face.pixel("8.3")
+            face.drag("8.3", (x + 20.0, y - 10.0))
+            models.append(weakref.ref(face.model))
+        # The last three are cached for undo.
+        assert [model() is None for model in models] == [True, True, False, False, False]
+    finally:
+        gc.enable()
+
+
 def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     page = (Path(__file__).resolve().parents[2] / "docs" / "identity.md").read_text(encoding="utf-8")
@@ -130,3 +156,24 @@ def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     page = (Path(__file__).resolve().parents[2] / "docs" / "api.md").read_text(encoding="utf-8")
     (example,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "new_head" in code]
     exec(compile(example, "docs/api.md", "exec"), {})
+
+
+def test_an_edited_head_has_the_clones_of_its_character(
+    face: Face, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    low, keys = faceposer.load("low"), KeyFolder(tmp_path / "keys", "man", "low")
+    keys.write()
+    face.set_weights({"jawOpen": 0.8})
+    # A mesh of the source shows the man, not the head that plays.
+    shown = face.session.model.instance(face.coefficients)
+    write_obj(keys.folder / "source" / "open.obj", shown, face.character.polygons)
+    low.set_weights({"jawOpen": 0.6, "mouthSmileLeft": 0.5})
+    low.save_pose("Open", keys.folder / "target")
+    face.set_attributes(age=0.8, face_width=1.0)
+    clone = face.transfer_to("low", "examples", keys=keys.folder)
+    np.testing.assert_allclose(clone.vertices, low.vertices, atol=1e-3)
+    face.save(tmp_path / "old.json")
+    out, options = tmp_path / "out.obj", ("--method", "examples", "--keys", keys.folder)
+    status, _, said = run_captured(capsys, "transfer", tmp_path / "old.json", "low", "-o", out, *options)
+    assert (status, "outside the keys" in said) == (0, False)
+    np.testing.assert_allclose(read_mesh(out).vertices, low.vertices, atol=1e-3)

@@ -28,6 +28,8 @@ def test_a_photo_becomes_a_character_with_a_session(photo: Path, tmp_path: Path,
     assert run("identity", "fit-photo", photo, *arguments) == 0
     assert "me.npz written from 1 photo" in capsys.readouterr().out
     character = load_character(str(out))
+    for source in ("made from 1 photo", "ICT-FaceKit", "Skins: MakeHuman", "Face Units 01"):
+        assert character.credits.count(source) == 1, source
     assert (character.name, character.title) == ("me", "Me")
     measured = json.loads(report.read_text())
     assert 0.0 < measured["photos"][0]["landmark_px"] < 3.0

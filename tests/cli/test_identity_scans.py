@@ -52,6 +52,8 @@ def test_a_scan_becomes_a_character(
     assert (status, errors) == (0, "")
     assert "100% of the face on the scan" in said
     character = load_character(str(out))
+    for source in ("Made from 1 scan", "ICT-FaceKit", "Face Units 01"):
+        assert character.credits.count(source) == 1, source
     assert character.title == "Me"
     skin = character.vertices[: len(basis.mean)]
     assert 10.0 * np.linalg.norm(skin - basis.mean, axis=1)[basis.trust > 0.9].mean() < 0.5

@@ -82,13 +82,15 @@ def test_a_mesh_without_shapes_is_animated_by_its_sculpted_keys(tmp_path: Path, 
         moved[name] = rest + (i + 1) * np.sin(rest)
         write_obj(keys / "target" / f"{name}.obj", moved[name], low.character.polygons)
     session = tmp_path / "open.json"
-    assert run("transfer", keys / "source" / "open.json", "low", "-o", session, "--from", "low") != 0
     weights = {"format": "faceposer.weights", "version": 1, "rate": 30, "names": ["jawOpen"], "frames": [[0.8], [0.4]]}
     session.write_text(json.dumps(weights))
     out = tmp_path / "out.obj"
     options = ("--from", "low", "--method", "examples", "--keys", keys)
     assert run("transfer", session, tmp_path / "head.obj", "-o", out, *options, "--frames", 0) == 0
     np.testing.assert_allclose(read_mesh(out).vertices, moved["open"], atol=2e-3)
+    pose = keys / "source" / "pucker.json"
+    assert run("transfer", pose, tmp_path / "head.obj", "-o", out, *options[2:]) == 0
+    np.testing.assert_allclose(read_mesh(out).vertices, moved["pucker"], atol=2e-3)
     assert run("transfer", session, tmp_path / "head.obj", "-o", tmp_path / "out.glb", *options) == 0
     assert run("transfer", session, tmp_path / "head.obj", "-o", tmp_path / "no.json", *options) == 2
     assert run("keys", "choose", keys, session) == 2
@@ -145,16 +147,23 @@ def test_a_session_becomes_one_of_the_target(tmp_path: Path, poses: Path, low: F
                 "--keys",
                 "{keys}",
             ),
-            "are for 'low', not for 'woman'",
+            "are for Low-poly head ('low'), not for Woman",
         ),
         (
             ("transfer", "{take}", "low", "-o", "o.json", "--method", "examples", "--keys", "{keys}"),
-            "are of 'low', but the source is 'man'",
+            "are of Low-poly head ('low'), but the source is Man",
         ),
         (("keys", "init", "low", "low", "-o", "{keys}"), "is not an empty folder"),
         (("keys", "init", "low", "low", "-o", "o", "--poses", "{no}"), "There are no poses for the character 'low'"),
-        (("keys", "remove", "{keys}", "none"), "has no key 'none'; its keys are joy, open, pucker"),
+        (("keys", "remove", "{keys}", "none"), "has no key 'none'; its keys are the files in"),
+        (("keys", "remove", "{keys}", "pukker"), "has no key 'pukker'; did you mean 'pucker'?"),
         (("keys", "add", "{keys}", "Joy", "--source", "{take}"), "already has a key 'joy'"),
+        (("keys", "add", "{keys}", "Joy", "--source", "{take}"), "choose another name, or add --replace."),
+        (("keys", "add", "{keys}", "../evil", "--source", "{take}"), "cannot be a path such as '../evil'"),
+        (("keys", "add", "{keys}", "..", "--source", "{take}"), "cannot be a path such as '..'"),
+        (("keys", "add", "{keys}", "Still", "--source", "{take}"), "the same expression of the source as 'neutral'"),
+        (("keys", "add", "{keys}", "Joy 2", "--source", "{keys}/source/joy.json"), "expression of the source as 'joy'"),
+        (("transfer", "{keys}/source/joy.json", "low", "-o", "o.obj", "--frames", "3"), "is a single pose"),
         (("keys", "add", "{keys}", "New", "--source", "{take}", "--frame", "99"), "no frame 100"),
         (("keys", "choose", "{keys}", "{no}.csv"), "cannot be read"),
         (("keys", "importance", "{keys}", "-o", "o.txt"), "must end in '.png' or '.npz'"),
@@ -178,3 +187,18 @@ def test_errors_are_sentences(
     assert said in shown
     assert len([line for line in shown.splitlines() if "It has no weights of" not in line]) == 1
     assert not list(tmp_path.glob("o.*"))
+
+
+def test_compose_says_what_it_keeps(tmp_path: Path, poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    keys = tmp_path / "keys"
+    assert run("keys", "init", "low", "low", "-o", keys, "--poses", poses) == 0
+    assert run("keys", "compose", keys) == 0
+    edited = keys / "target" / "joy+open.json"
+    data = json.loads(edited.read_text())
+    edited.write_text(json.dumps(data | {"tags": [], "weights": {"jawOpen": 0.9}}))
+    written = edited.read_bytes()
+    status, said, _ = run_captured(capsys, "keys", "compose", keys)
+    assert status == 0
+    assert "1 key composed of 1 emotional and 2 verbal ones; 6 with the neutral face" in said
+    assert "1 combination kept as you changed them" in said
+    assert edited.read_bytes() == written

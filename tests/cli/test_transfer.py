@@ -12,7 +12,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document, write_document
 from faceposer.session.opening import open_session
 from faceposer.transfer.pairs import PAPER_PAIRS, pairs_to_json
-from tests.command_line import run
+from tests.command_line import run, run_captured
 
 SMILE = {"mouthSmileLeft": 0.8, "mouthSmileRight": 0.8}
 
@@ -32,6 +32,22 @@ def take(tmp_path: Path) -> Path:
     path = tmp_path / "take.csv"
     path.write_text("\n".join(lines))
     return path
+
+
+def test_a_pose_of_the_library_is_transferred_from_the_character_that_it_was_made_on(
+    tmp_path: Path, model: FaceModel, low: FaceModel, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "smile.json", tmp_path / "out.json"
+    pose = {"format": "faceposer.pose", "version": 1, "name": "Smile", "weights": SMILE}
+    path.write_text(json.dumps(pose | {"subject": "man"}))
+    assert run("transfer", path, "low", "-o", out, "--method", "weights") == 0
+    session = open_session(str(out))
+    np.testing.assert_allclose(session.coefficients, low.coefficients_of(SMILE), atol=1e-3)
+    assert run("transfer", path, "man", "-o", out, "--method", "weights", "--from", "low") == 0
+    np.testing.assert_allclose(open_session(str(out)).coefficients, model.coefficients_of(SMILE), atol=1e-3)
+    path.write_text(json.dumps(pose | {"subject": "nobody"}))
+    status, _, said = run_captured(capsys, "transfer", path, "low", "-o", out)
+    assert (status, "was made on the character 'nobody', which is not known here" in said) == (2, True)
 
 
 def test_a_pose_becomes_a_session_of_the_other_face_and_a_mesh(tmp_path: Path, smile: Path) -> None:

@@ -1,13 +1,17 @@
 """Dialogs: buttons are always in reach, nothing jumps, and Esc does one thing at a time."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 from imgui_bundle import imgui
 
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+from faceposer.gui.features.scan import work
+from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Choice, Question
+from faceposer.progress import Progress
 from tests.windows import OpenWindow
 
 SIZES = [((1360, 860), 1.0), ((1000, 700), 1.5), ((900, 600), 2.0), ((480, 360), 2.0)]
@@ -16,6 +20,7 @@ DIALOGS = {
     "transfer": ("transfer:open", "transfer:cancel"),
     "export-other": ("export:accept", "export:cancel"),
     "preferences": ("preferences:close",),
+    "scan": ("scan:find", "scan:cancel"),
     "pose-save": ("pose-name:accept", "pose-name:cancel"),
 }
 
@@ -179,3 +184,40 @@ def test_a_tiny_window_still_has_a_panel_and_all_tools(open_window: OpenWindow) 
     for _ in range(12):
         robot.wheel(-1.0)
     assert "symmetry" in app.widget_rects._visible
+
+
+def test_a_dialog_of_heads_keeps_its_size_while_it_works(
+    open_window: OpenWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def wait(files: list[str], progress: Progress) -> list[object]:
+        while True:
+            progress.at(f"Waiting {'for a very long stage ' * (files is not None)}")
+
+    monkeypatch.setattr(work, "find_landmarks", wait)
+    robot = open_window("low", (1000, 800))
+    robot.app.actions["scan"].run()
+    robot.frames(6)
+    robot.app.features[ScanFeature].add(tmp_path / "scan.obj")
+    robot.frames(3)
+    before, button = window("##scan").size, robot.app.widget_rects["scan:cancel"]
+    robot.click_widget("scan:find")
+    robot.frames(4)
+    assert window("##scan").size == before
+    assert robot.app.widget_rects["scan:cancel"][3] == button[3], "its button stays at the bottom"
+    robot.app.features[ScanFeature].stop()
+
+
+def test_the_menu_of_files_is_in_groups(open_window: OpenWindow) -> None:
+    groups: list[list[str]] = []
+    for item in open_window("low").app.actions.items("File"):
+        if item.separated or not groups:
+            groups.append([])
+        groups[-1].append(item.label)
+    assert groups[0] == ["New", "New with"]
+    assert groups[1][:2] == ["Open...", "Open recent"]
+    assert all(label.startswith("Open") for label in groups[1])
+    assert groups[2] == ["Import character...", "Head from scan...", "Head from photos..."]
+    assert groups[3] == ["Save", "Save as..."]
+    assert groups[4][:2] == ["Save OBJ", "Save OBJ as..."]
+    assert "Export as..." in groups[4]
+    assert groups[5] == ["Quit"]

@@ -20,7 +20,8 @@ from faceposer.gui.app import App
 from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.head.feature import HeadFeature
-from faceposer.gui.features.head_making.feature import HeadMakingFeature, MadeHead
+from faceposer.gui.features.head_making.feature import HeadMakingFeature
+from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
@@ -312,8 +313,11 @@ def visit_keys(robot: Robot, folder: Path) -> None:
     app.actions["keys-importance-source"].run()
     finish()
     robot.key("Esc")
+    app.actions["keys-add"].run()
+    robot.frames(4)
+    robot.key("Esc")
+    robot.frames(2)
     robot.click_widget("key:anger:source")
-    robot.click_widget("choice:1")
     robot.frames(2)
     robot.click_widget("keys-back")
     robot.frames(2)

@@ -123,19 +123,6 @@ def test_eyeballs_are_between_the_lids(random_head: Character) -> None:
             assert 1.02 * radius < distance < 1.35 * radius, "the lid's edge is in front of the ball"
 
 
-def test_the_preview_is_like_the_character(man: Character) -> None:
-    heads = load_identity_model()
-    skin = heads.instance(heads.sample(3)[0])
-    character = character_of(skin, name="three", title="Three")
-    weights = {"jawOpen": 0.6, "mouthSmileLeft": 0.8, "browInnerUpLeft": 0.7, "tongueOut": 0.3, "mouthClose": 0.1}
-    rows = [man.shape_names.index(name) for name in weights]
-    full = character.vertices + np.tensordot(list(weights.values()), character.shapes[rows], 1)
-    shown = np.concatenate([visible(man), np.arange(N_SKIN, len(man.vertices))])
-    away = np.linalg.norm(HeadMaker.shipped().preview(skin, weights) - full, axis=1)[shown]
-    assert away.max() < 0.2
-    assert away.mean() < 0.005
-
-
 def test_textures_and_credits_are_taken(man: Character) -> None:
     made = character_of(
         man.vertices[:N_SKIN], name="me", title="Me", textures={"skin": man.textures["eye"]}, credits="A scan."

@@ -226,7 +226,6 @@ def test_the_control_mesh_carries_the_skin(shipped: IdentityModel) -> None:
     control = shipped.mean_vertices
     assert np.allclose(template.control(template.skin(control)), control)
     assert np.allclose(template.mirrored(template.mirrored(control)), control)
-    assert [template.has_topology_of(load_character(n)) for n in ("man", "woman", "low")] == [True, True, False]
 
 
 def test_a_model_is_written_and_read(shipped: IdentityModel, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_a_texture_has_skin_hair_and_lips(model: TextureModel, mean: np.ndarray)
     assert lips[0] / lips[1] > 1.1 * forehead[0] / forehead[1]
 
 
-def test_tone_darkens_the_skin_and_nothing_is_out_of_range(model: TextureModel) -> None:
+def test_tone_darkens_the_skin(model: TextureModel) -> None:
     c = model.sample(3)[0]
     light, dark = (model.instance(model.with_tone(c, tone), BARE) for tone in (-1.0, 1.5))
     assert _at(dark, *FOREHEAD).mean() < 0.6 * _at(light, *FOREHEAD).mean()
@@ -170,7 +170,7 @@ def test_bad_input_is_named(model: TextureModel, tmp_path: Path) -> None:
         SkinLayers(hair="mohawk")
     with pytest.raises(FacePoserError, match="finite numbers"):
         dataclasses.replace(BARE, beard=np.nan)
-    with pytest.raises(FacePoserError, match="finite coefficients"):
+    with pytest.raises(FacePoserError, match="another version of the model"):
         model.instance([0.0])
     with pytest.raises(FacePoserError, match="three channels"):
         model.project(np.zeros((8, 8)))

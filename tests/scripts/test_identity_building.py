@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from faceposer.geometry.alignment import Similarity
+from faceposer.geometry.mesh import TriangleMesh
+from faceposer.geometry.nearest_surface import NearestSurface
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.model_file import load_identity_model
+from faceposer.identity.registration import Registration
 from faceposer.identity.template import head_template
 from faceposer.resources import asset_path
 from scripts.build_identity import LICENCE_NAME, differences, others
+from scripts.identity_building.correspondence import _even
 from scripts.identity_building.curves import _halves, _matched
 from scripts.identity_building.filling import Filler, eroded, links_of
 from scripts.identity_building.learning import balanced_weights
@@ -138,3 +143,27 @@ def test_balanced_weights_have_exact_moments(seed: int) -> None:
     assert weights.shape == (100, 8)
     assert np.allclose(weights.mean(axis=0), 0.0)
     assert np.allclose(weights.T @ weights / 100, np.eye(8))
+
+
+def test_correspondence_becomes_the_same_on_both_sides() -> None:
+    template = head_template()
+    mesh = TriangleMesh(template.rest, template.triangles)
+    # Vertices that have slid along the surface, to the same side everywhere.
+    slid = template.rest + 0.05 * np.roll(template.rest, 1, axis=1) / np.abs(template.rest).max()
+    points, distances = NearestSurface(template.rest, template.triangles, np.arange(len(template.triangles))).points(
+        slid
+    )
+    places = points.positions(template.rest, template.triangles)
+    frame = Similarity(np.eye(3), np.zeros(3), np.array(2.0))
+    used = np.ones(len(places), dtype=bool)
+    found = _even(Registration(frame.apply(places), frame, points, distances, used), template.mirror, mesh)
+    flip = np.array([-1.0, 1.0, 1.0])
+
+    def asymmetry(vertices: NDArray[np.float64]) -> float:
+        return float(np.linalg.norm(vertices - vertices[template.mirror] * flip, axis=1).mean())
+
+    assert asymmetry(places) > 0.005
+    assert asymmetry(found.vertices / 2.0) < 1e-9
+    there = found.points.positions(template.rest, template.triangles)
+    assert asymmetry(there) < 0.1 * asymmetry(places)
+    np.testing.assert_allclose(np.linalg.norm(found.in_target() - there, axis=1), found.distances / 2.0, atol=1e-9)

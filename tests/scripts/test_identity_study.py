@@ -1,16 +1,22 @@
 """Rows of the study of the morphable model, on few heads."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from faceposer.geometry.mesh import TriangleMesh
 from faceposer.identity.attributes import load_attributes
 from faceposer.identity.model_file import load_identity_model
+from faceposer.identity.scans.head_from_scans import shipped_basis
 from faceposer.identity.template import head_template
+from faceposer.model.character_file import load_character
 from faceposer.model.contact.measure import KINDS
 from scripts.identity_study import model_rows
+from scripts.identity_study.eos_fit import EosFit
 from scripts.identity_study.rows import row
+from scripts.identity_study.sampling import vertex_errors, with_hair
 
 
 def test_a_row_has_the_means_over_heads() -> None:
@@ -65,3 +71,31 @@ def test_the_worst_of_random_heads_is_told(monkeypatch: pytest.MonkeyPatch) -> N
     assert (made["n"], made["poses"], made["blink_gap_mm_max"]) == (3, 15, 0.2)
     assert made["lid_lid_mm_max"] == 0.03
     assert made["poses_over"]["lips_teeth"] == 3
+
+
+def test_hair_covers_the_scalp_alone() -> None:
+    quads = head_template().quads
+    mesh = TriangleMesh(head_template().rest, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
+    scalp = load_character("man").regions["scalp"]
+    covered = with_hair(mesh, mesh.vertices[scalp], 3)
+    raised = np.linalg.norm(covered.vertices - mesh.vertices, axis=1)
+    assert 1.7 < raised[scalp].mean() < 2.3
+    assert raised[scalp].std() > 0.1
+    nose = load_character("man").feature_points["9.3"]
+    assert raised[nose] == 0.0
+    assert (raised == 0.0).mean() > 0.5
+
+
+def test_eos_fits_landmarks() -> None:
+    pytest.importorskip("eos")
+    basis = shipped_basis()
+    # A small model keeps it quick; its landmarks are exact.
+    basis = replace(basis, modes=basis.modes[:10])
+    truth = basis.head(np.array([1.0, -1.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    known = np.flatnonzero(basis.on_skin)
+    rows, shares = basis.landmarks.corners(basis.triangles)[known], basis.landmarks.barycentric[known]
+    places = np.einsum("mcd,mc->md", truth[rows], shares)
+    data = SimpleNamespace(places=places, rows=rows, shares=shares, spreads=np.zeros(len(known)))
+    head = EosFit(basis).head(SimpleNamespace(data=data), sigma=0.02)  # type: ignore[arg-type]
+    face = basis.trust >= 0.9
+    assert vertex_errors(head, truth, face).mean() < 0.4 * vertex_errors(basis.mean, truth, face).mean()

@@ -1,6 +1,7 @@
 """All keys of a folder at one time, and changes of single keys."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +9,18 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
+from faceposer.model.character_file import save_character
+from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.poses.pose_file import read_pose
-from faceposer.progress import CancelledError, Progress
-from faceposer.session.key_compositions import compose_keys
 from faceposer.session.key_edits import add_key_pose, propose_again, save_key
 from faceposer.session.key_folder import KeyFolder
+from faceposer.session.key_kinds import set_kind
 from faceposer.session.key_proposals import PROPOSED, create_keys
 from faceposer.session.key_set import read_key_set, stamp_of
+from faceposer.session.keys import check_characters
 from faceposer.session.opening import load_model
 from faceposer.transfer.key_coverage import reach_of
+from tests.rigs import with_fewer_shapes
 
 
 @pytest.fixture(scope="module")
@@ -124,15 +128,27 @@ def test_keys_that_cannot_be_used_are_listed_with_the_reason(folder: Path) -> No
     assert "ah.json" in ah.problem
 
 
-@pytest.mark.parametrize(("after", "left"), [(2, 6), (7, 9)])
-def test_cancelled_compositions_leave_no_halves(folder: Path, after: int, left: int) -> None:
-    reports: list[float] = []
-    progress = Progress(lambda _, share: reports.append(share), lambda: len(reports) > after)
-    with pytest.raises(CancelledError):
-        compose_keys(KeyFolder.read(folder), progress=progress)
+def test_the_state_of_a_folder_includes_its_characters(folder: Path, tmp_path: Path, low: FaceModel) -> None:
+    rest, polygons = low.character.vertices, low.character.polygons
+    write_obj(tmp_path / "head.obj", rest, polygons)
+    save_character(tmp_path / "me.npz", with_fewer_shapes(low.character))
+    KeyFolder(folder, "../me.npz", "../head.obj").write()
+    before = stamp_of(folder)
+    assert stamp_of(folder) == before
+    write_obj(tmp_path / "head.obj", rest[:-1], polygons[:1])
+    sculpted = stamp_of(folder)
+    assert sculpted != before
+    save_character(tmp_path / "me.npz", with_fewer_shapes(low.character, 20))
+    assert stamp_of(folder) != sculpted
+
+
+def test_a_character_of_the_same_name_with_other_shapes_is_another(folder: Path, low: FaceModel) -> None:
     keys = read_key_set(folder)
-    assert keys.problem == ""
-    assert len(keys.keys) == left
+    assert keys.is_of("source", low)
+    other = build_face_model(replace(with_fewer_shapes(low.character), name="low"))
+    assert not keys.is_of("source", other)
+    with pytest.raises(FacePoserError, match=r"of another character .*, with 54, not 30, shapes; make keys of"):
+        check_characters(keys.folder, other, "creature")
 
 
 def test_a_target_without_shapes_has_its_keys_as_shapes(folder: Path, tmp_path: Path) -> None:
@@ -159,3 +175,25 @@ def test_a_target_without_shapes_has_its_keys_as_shapes(folder: Path, tmp_path: 
         assert np.linalg.norm(moved[100 * i]) == pytest.approx(np.sqrt(3.0), abs=0.01)
     with pytest.raises(FacePoserError, match="is a mesh"):
         save_key(keys, names[0], "target", model, model.neutral())
+
+
+def test_keys_change_their_kind(folder: Path) -> None:
+    keys = KeyFolder.read(folder)
+    assert keys.kinds()["anger"] == "expression"
+    set_kind(keys, "anger", "viseme")
+    assert keys.kinds()["anger"] == "viseme"
+    set_kind(keys, "anger", "")
+    assert "anger" not in keys.kinds()
+    set_kind(keys, "anger", "expression")
+    assert keys.kinds()["anger"] == "expression"
+    # Meshes have no tags: the description of the folder names them.
+    for side, name in (("source", "low"), ("target", "creature")):
+        character = load_model(name).character
+        (folder / side / "anger.json").unlink()
+        write_obj(folder / side / "anger.obj", character.vertices, character.polygons)
+    set_kind(keys, "anger", "viseme")
+    assert KeyFolder.read(folder).visemes == ("anger",)
+    set_kind(KeyFolder.read(folder), "anger", "")
+    assert KeyFolder.read(folder).visemes == ()
+    with pytest.raises(FacePoserError, match="has no key 'joy' any more"):
+        set_kind(keys, "joy", "viseme")

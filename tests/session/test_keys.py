@@ -10,6 +10,7 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
 from faceposer.model.face_model import FaceModel
+from faceposer.poses.pose_file import read_pose
 from faceposer.session.key_compositions import compose_keys, folder_importance
 from faceposer.session.key_folder import KeyFolder
 from faceposer.session.key_proposals import create_keys
@@ -72,6 +73,7 @@ def test_emotional_and_verbal_keys_are_composed_and_composed_again(tmp_path: Pat
     assert emotional == 5
     report = compose_keys(keys)
     assert report.composed == emotional * verbal
+    assert "Happiness + AH" in {read_pose(entry.source).name for entry in keys.entries() if entry.source is not None}
     assert report.keys == 1 + emotional + verbal + emotional * verbal
     assert compose_keys(keys) == report
     assert len(load_keys(keys).transfer.pairs) == report.keys - 1

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from faceposer.animation.keyframes import Keyframes
+from faceposer.identity.editing import head_editor
+from faceposer.identity.identity import is_editable
 from faceposer.model.framing import face_view
 from faceposer.session.opening import open_session
 from faceposer.session.session import Session
@@ -14,7 +16,26 @@ from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.priors import Prior
 
 PRIORS = ("regions", "whole", "plain")
-STEPS = 60
+STEPS = {"low": 60, "man": 30}
+
+
+def change_the_head(session: Session, rng: np.random.Generator) -> None:
+    """Change the head, show one without setting it, or return to the original."""
+    editor = head_editor(session.base_model.character)
+    head = session.document.identity or editor.own
+    match int(rng.integers(4)):
+        case 0:
+            session.set_identity(None, "Original head")
+        case 1:
+            session.set_identity(editor.random(int(rng.integers(1000)), head), "Random head")
+        case 2:
+            older = editor.with_attributes(head, {"age": float(rng.uniform(-0.5, 1.0))})
+            session.preview_identity(older)
+            assert session.preview is not None
+            session.set_identity(older, "Age")
+        case _:
+            session.preview_identity(editor.average)
+            session.preview_identity(None)
 
 
 def do_something(session: Session, rng: np.random.Generator) -> None:
@@ -51,13 +72,16 @@ def do_something(session: Session, rng: np.random.Generator) -> None:
     session.wait()
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_random_walks(seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("character", "seed"), [*(("low", seed) for seed in range(6)), ("man", 1)])
+def test_random_walks(character: str, seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
-    session = open_session("low")
+    session = open_session(character)
     session.animation.auto_key = bool(seed % 2)
-    for step in range(STEPS):
-        do_something(session, rng)
+    for step in range(STEPS[character]):
+        if is_editable(session.base_model.character) and rng.random() < 0.3:
+            change_the_head(session, rng)
+        else:
+            do_something(session, rng)
         document = session.document
         np.testing.assert_array_equal(
             session.vertices, session.model.surface(session.coefficients, document.contact), err_msg=f"step {step}"

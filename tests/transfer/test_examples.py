@@ -55,9 +55,28 @@ def test_a_known_linear_relation_is_recovered_on_poses_that_are_no_keys(low: Fac
     rng = np.random.default_rng(2)
     relation = 0.2 * rng.normal(size=(low.n_coefficients, creature.n_coefficients))
     sources = [low.coefficients_of(weights) for weights in KEYS.values()]
-    transfer = ExampleTransfer(low, creature, [KeyPair(str(i), s, s @ relation) for i, s in enumerate(sources)])
+    keys = [KeyPair(str(i), s, s @ relation) for i, s in enumerate(sources)]
     new = rng.uniform(0.0, 1.0, size=(6, len(sources))) @ np.array(sources)
-    np.testing.assert_allclose(transfer.poses(new), new @ relation, atol=1e-6 * np.abs(new @ relation).max())
+    for threshold, error in ((1e-12, 1e-6), (None, 1e-2)):
+        found = ExampleTransfer(low, creature, keys, threshold=threshold).poses(new)
+        np.testing.assert_allclose(found, new @ relation, atol=error * np.abs(new @ relation).max())
+
+
+def test_errors_of_many_keys_are_damped_and_exact_keys_are_followed(low: FaceModel) -> None:
+    rng = np.random.default_rng(7)
+    count = len(low.character.shape_names)
+    weights = rng.uniform(size=(60, count)) * (rng.uniform(size=(60, count)) < 0.25)
+    poses = np.array([low.coefficients_of(row) for row in weights])
+    wrong = np.array([low.coefficients_of(row) for row in weights * (1.0 + 0.2 * rng.normal(size=weights.shape))])
+    new = np.array([low.coefficients_of(rng.uniform(size=count) * (rng.uniform(size=count) < 0.2)) for _ in range(12)])
+
+    def error(targets: np.ndarray, threshold: float | None) -> float:
+        keys = [KeyPair(str(i), pose, target) for i, (pose, target) in enumerate(zip(poses, targets, strict=True))]
+        return float(np.linalg.norm(ExampleTransfer(low, low, keys, threshold=threshold).poses(new) - new))
+
+    assert error(poses, None) < 0.2 * error(poses, 1e-3)
+    assert error(wrong, None) < 0.5 * error(wrong, 1e-8)
+    assert error(wrong, None) < 1.2 * min(error(wrong, threshold) for threshold in (1e-3, 1e-4, 1e-5))
 
 
 def test_a_pair_called_neutral_is_the_base(low: FaceModel, creature: FaceModel, pairs: list[KeyPair]) -> None:
@@ -70,7 +89,7 @@ def test_a_pair_called_neutral_is_the_base(low: FaceModel, creature: FaceModel, 
 
 def test_one_key_is_enough(low: FaceModel, creature: FaceModel, pairs: list[KeyPair]) -> None:
     transfer = ExampleTransfer(low, creature, pairs[:1])
-    np.testing.assert_allclose(transfer.pose(2.0 * pairs[0].source), 2.0 * pairs[0].target, atol=1e-6)
+    np.testing.assert_allclose(transfer.pose(2.0 * pairs[0].source), 2.0 * pairs[0].target, rtol=1e-3, atol=1e-6)
 
 
 @pytest.mark.parametrize("regions", ["halves", "parts"])
@@ -129,8 +148,18 @@ def test_keys_chosen_from_frames_reach_all_of_them(low: FaceModel) -> None:
     transfer = ExampleTransfer(low, low, pairs, threshold=1e-9)
     assert apart(low, transfer.pose(poses[0]), poses[0]) < 1e-3
     assert coverage(transfer, poses).missed < 1e-9
-    # The threshold of the paper leaves out the smallest motions.
-    assert 1e-9 < coverage(ExampleTransfer(low, low, pairs), poses).missed < 0.01
+    # A threshold leaves out the smallest motions.
+    assert 1e-9 < coverage(ExampleTransfer(low, low, pairs, threshold=1e-4), poses).missed < 0.02
+
+
+def test_when_nothing_is_missed_the_frames_farthest_from_all_keys_are_chosen(low: FaceModel) -> None:
+    jaw = low.coefficients_of({"jawOpen": 1.0})
+    poses = np.outer([0.2, 0.21, 0.5, 0.52, 0.9, 0.98, 1.0], jaw)
+    found = chosen_frames(low, np.zeros((0, low.n_coefficients)), poses, 7)
+    assert [frame.frame for frame in found[:3]] == [6, 2, 1]
+    assert all(frame.missed < 1e-9 for frame in found)
+    again = chosen_frames(low, poses[[6, 2]], poses, 1)
+    assert [frame.frame for frame in again] == [1]
 
 
 def test_what_cannot_be_a_key_is_said_in_a_sentence(low: FaceModel, creature: FaceModel, pairs: list[KeyPair]) -> None:

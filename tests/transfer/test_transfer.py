@@ -178,12 +178,12 @@ def test_a_pose_goes_from_halves_to_a_whole_and_back(model: FaceModel) -> None:
 
 
 def test_what_cannot_be_carried_over_is_said_in_a_sentence(model: FaceModel, creature: FaceModel) -> None:
-    with pytest.raises(FacePoserError, match=r"'creature' has none of ARKit's shapes.*by distances"):
+    with pytest.raises(FacePoserError, match=r"Goblin \('creature'\) has none of ARKit's shapes.*by distances"):
         make_transfer(model, creature, "weights")
-    with pytest.raises(FacePoserError, match=r"None of the pairs can be measured on both 'man' and 'creature'"):
+    with pytest.raises(FacePoserError, match=r"measured on both Man and Goblin \('creature'\)"):
         make_transfer(model, creature, "distances", [Pair("", "8.3", "99.1")])
     bare = replace(model, character=replace(model.character, feature_points={}, feature_titles={}))
-    with pytest.raises(FacePoserError, match="'man' has no feature points"):
+    with pytest.raises(FacePoserError, match="The character Man has no feature points"):
         make_transfer(model, bare)
 
 

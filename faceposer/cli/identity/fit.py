@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.cli.arguments import output_path
+from faceposer.cli.identity.heads import check_titles
 from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import check_not_input, check_output
 
@@ -47,6 +48,7 @@ def run(options: argparse.Namespace) -> int:
         if path is not None:
             check_output(path, suffix)
             check_not_input(path, *options.scans, *options.landmarks, options.model)
+    check_titles(options)
     if len(options.landmarks) not in (0, len(options.scans)):
         raise FacePoserError(
             f"--landmarks is given for {len(options.landmarks)} of "
@@ -54,12 +56,12 @@ def run(options: argparse.Namespace) -> int:
         )
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.files.writing import write_json
-    from faceposer.identity.character import character_of
     from faceposer.identity.model_file import load_identity_model
     from faceposer.identity.scans.basis import basis_of
     from faceposer.identity.scans.head_from_scans import head_from_scans, read_scan, shipped_basis
     from faceposer.identity.scans.landmarks_file import read_scan_landmarks
     from faceposer.identity.scans.pictures import distance_map
+    from faceposer.identity.scans.scanned_character import scanned_character
     from faceposer.landmarks.overlay import write_picture
     from faceposer.model.character_file import save_character
 
@@ -73,9 +75,7 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.clear()
     name = options.name or options.output.stem
-    credits = f"Made from {counted(len(scans), 'scan')}: {', '.join(scan.name for scan in scans)}."
-    character = character_of(made.skin, name=name, title=options.title or name, textures=made.textures, credits=credits)
-    save_character(options.output, character)
+    save_character(options.output, scanned_character(made, name, options.title or name, model))
     report = made.report
     print(
         f"surface {report['surface_mm_median']:.2f} mm median, {report['surface_mm_mean']:.2f} mm mean, "

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import number_between, output_path
+from faceposer.cli.identity.heads import check_titles
 from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_not_input, check_output
 
@@ -59,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
         if path is not None:
             check_output(path, suffix)
             check_not_input(path, *options.photos)
+    check_titles(options)
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.files.writing import write_json
     from faceposer.identity.photos.head_from_photos import head_from_photos

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from faceposer.cli.arguments import number, number_between, output_path
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_not_input, check_output
+from faceposer.model.character_names import checked_title
 
 if TYPE_CHECKING:
     from faceposer.identity.editing import HeadEditor
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 #: Help for the argument that names a head.
 HEAD_HELP = "name of a character, character file (.npz) or session (.json)"
-_LONGEST_TITLE = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +93,22 @@ def check_names(options: argparse.Namespace, *inputs: str) -> None:
     """Check the output and the names of the character that ``options`` ask for, before anything is read.
 
     Raises:
-        FacePoserError: If the output cannot be written or is one of the ``inputs``, or if a name is empty or too long.
+        FacePoserError: If the output cannot be written or is one of the ``inputs``, or if a name is not possible.
     """
     check_output(options.output, ".npz")
     check_not_input(options.output, *inputs)
+    check_titles(options)
+
+
+def check_titles(options: argparse.Namespace) -> None:
+    """Check the names of the character that ``options`` ask for.
+
+    Raises:
+        FacePoserError: If a name is not possible.
+    """
     for label, text in (("--name", options.name), ("--title", options.title)):
-        if text is not None and not 0 < len(text.strip()) <= _LONGEST_TITLE:
-            raise FacePoserError(f"{label} must have 1 to {_LONGEST_TITLE} characters.")
+        if text is not None:
+            checked_title(text, label)
 
 
 def values_of(pairs: list[str], label: str) -> dict[str, float]:

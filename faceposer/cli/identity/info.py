@@ -51,6 +51,7 @@ def description_of(head: OpenedHead) -> dict[str, Any]:
             "age": model.label(identity.texture.coefficients, "age"),
             "gender": model.label(identity.texture.coefficients, "gender"),
             "layers": dataclasses.asdict(identity.texture.layers),
+            "eyes": identity.texture.eyes,
         }
     values = editor.measure(identity)
     return {

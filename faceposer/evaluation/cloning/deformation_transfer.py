@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg
 
-from faceposer.evaluation.cloning.correspondence import Skin, nearest_triangles, warped
+from faceposer.evaluation.cloning.correspondence import Skin, facing_triangles, fitted, triangle_normals
+from faceposer.geometry.mesh import VertexNormals
 
 Array = NDArray[np.float64]
 
@@ -31,16 +32,19 @@ class DeformationTransfer:
             target: Skin of the target.
             still: Mask of the source's vertices that no expression moves, shape (N,); they hold the target in place.
         """
-        fitted = warped(source, target)
+        on_target = fitted(source, target)
         centres = target.vertices[target.triangles].mean(axis=1)
-        self._faces, _ = nearest_triangles(centres, fitted, source.triangles)
+        normals = triangle_normals(target.vertices, target.triangles)
+        self._faces, _, shares = facing_triangles(centres, normals, on_target, source.triangles, target.height)
+        self._shares = shares[:, None, None]
         self._source_triangles = source.triangles
         self._inverse = np.linalg.inv(_with_normals(source.vertices, source.triangles))
         gradient, areas = _gradient(target.vertices, target.triangles)
         self._weighted = (gradient.T @ sparse.diags_array(np.repeat(areas, 3))).tocsr()
         system = self._weighted @ gradient
-        faces, _ = nearest_triangles(target.vertices, fitted, source.triangles)
-        held = still[source.triangles[faces]].all(axis=1)
+        directions = VertexNormals(target.triangles, len(target.vertices))(target.vertices)
+        faces, _, shares = facing_triangles(target.vertices, directions, on_target, source.triangles, target.height)
+        held = still[source.triangles[faces]].all(axis=1) | (shares == 0.0)
         pull = np.where(held, _HOLD, _PULL) * system.diagonal().mean()
         self._pulled = pull[:, None] * target.vertices
         self._solve = linalg.splu((system + sparse.diags_array(pull)).tocsc()).solve
@@ -50,7 +54,8 @@ class DeformationTransfer:
         # Row-vector convention: edges @ S = deformed edges.
         deformation = self._inverse @ _with_normals(vertices, self._source_triangles)
         # The gradient of the coordinates x^k over a triangle is column k.
-        wanted = deformation[self._faces].reshape(-1, 3)
+        rest = np.eye(3)
+        wanted = (rest + self._shares * (deformation[self._faces] - rest)).reshape(-1, 3)
         result: Array = self._solve(self._weighted @ wanted + self._pulled)
         return result
 

@@ -8,7 +8,7 @@ place.
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.evaluation.cloning.correspondence import Skin, nearest_triangles, warped_onto
+from faceposer.evaluation.cloning.correspondence import Skin, facing_triangles, fitted
 from faceposer.geometry.mesh import VertexNormals
 
 Array = NDArray[np.float64]
@@ -23,18 +23,20 @@ class ExpressionCloning:
     def __init__(self, source: Skin, target: Skin) -> None:
         """Fit ``source`` to ``target``, and find the local rotations and scales."""
         self._source, self._target = source, target
-        fitted = warped_onto(source, target)
+        on_target = fitted(source, target)
         edges = _first_edges(source.triangles, len(source.vertices))
-        before, after = (_frames(vertices, source.triangles, edges) for vertices in (source.vertices, fitted))
+        before, after = (_frames(vertices, source.triangles, edges) for vertices in (source.vertices, on_target))
         sizes = [
             _sizes(vertices, source.triangles, frames)
-            for vertices, frames in ((source.vertices, before), (fitted, after))
+            for vertices, frames in ((source.vertices, before), (on_target, after))
         ]
         scale = target.height / source.height
         ratio = np.clip(sizes[1] / np.maximum(sizes[0], 1e-9), scale / _MOST_SCALE, scale * _MOST_SCALE)
         # Into the local frame, scaled along its axes, and out of the frame of the fitted source.
         self._turns = np.einsum("nij,ni,nik->njk", after, ratio, before)
-        faces, self._weights = nearest_triangles(target.vertices, fitted, source.triangles)
+        normals = VertexNormals(target.triangles, len(target.vertices))(target.vertices)
+        faces, weights, shares = facing_triangles(target.vertices, normals, on_target, source.triangles, target.height)
+        self._weights = shares[:, None] * weights
         self._corners = source.triangles[faces]
 
     def clone(self, vertices: Array) -> Array:

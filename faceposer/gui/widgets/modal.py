@@ -31,10 +31,17 @@ Buttons = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True)
 class _Open:
-    """A modal window that is being drawn: its name, and the height that the operating system's window has for it."""
+    """A modal window that is being drawn.
+
+    Attributes:
+        name: Its name.
+        room: Height that the operating system's window has for it.
+        least: Its least height, or 0.
+    """
 
     name: str
     room: float
+    least: float
 
 
 _drawn: list[_Open] = []
@@ -46,7 +53,7 @@ _FRAMES_TO_SETTLE, _INVISIBLE = 3, 1e-3
 
 
 @contextmanager
-def modal(name: str, width: float, tallest: float = 0.0) -> Iterator[bool]:
+def modal(name: str, width: float, tallest: float = 0.0, least: float = 0.0) -> Iterator[bool]:
     """Open the modal window ``name`` in the middle; the block draws its content if the value is True.
 
     Esc closes a drop-down list in it, and nothing else.
@@ -56,6 +63,7 @@ def modal(name: str, width: float, tallest: float = 0.0) -> Iterator[bool]:
         width: Width in units of the font size, at most that of the window.
         tallest: Height that it can reach, in units of the font size: its top is placed for that and stays in place
             when the height changes. 0 centres it.
+        least: Least height in pixels, such as that of the page before; buttons are then at its bottom.
     """
     if not imgui.is_popup_open(name):
         imgui.open_popup(name)
@@ -66,7 +74,8 @@ def modal(name: str, width: float, tallest: float = 0.0) -> Iterator[bool]:
         imgui.set_next_window_pos((view.get_center().x, top), imgui.Cond_.always, (0.5, 0.0))
     else:
         imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-    imgui.set_next_window_size_constraints((across, 0.0), (across, view.size.y))
+    least = min(least, view.work_size.y - top)
+    imgui.set_next_window_size_constraints((across, least), (across, view.size.y))
     settling = _settling(name)
     imgui.push_style_var(imgui.StyleVar_.alpha, _INVISIBLE if settling else imgui.get_style().alpha)
     imgui.push_style_var(imgui.StyleVar_.window_padding, _padding())
@@ -75,7 +84,7 @@ def modal(name: str, width: float, tallest: float = 0.0) -> Iterator[bool]:
     if shown:
         # Dear ImGui does not let an auto-sized window grow beyond this height.
         room = view.work_size.y - 2.0 * imgui.get_style().display_safe_area_padding.y
-        _drawn.append(_Open(name, room - top))
+        _drawn.append(_Open(name, room - top, least))
         _close_lists()
     try:
         yield shown
@@ -231,7 +240,10 @@ def modal_buttons(
     left, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     spacing = imgui.get_style().item_spacing.x
     pressed, i = "", 0
-    for widths in _button_rows(buttons, least, room):
+    rows = _button_rows(buttons, least, room)
+    foot = len(rows) * imgui.get_frame_height_with_spacing() - imgui.get_style().item_spacing.y + _padding()[1]
+    imgui.set_cursor_pos_y(max(imgui.get_cursor_pos_y(), _drawn[-1].least - foot))
+    for widths in rows:
         imgui.set_cursor_pos_x(left + max(room - sum(widths) - spacing * (len(widths) - 1), 0.0))
         for column, width in enumerate(widths):
             name, label = buttons[i]
@@ -277,7 +289,11 @@ def draw_job(
         )
         imgui.pop_style_color()
         rects.record(f"{prefix}:progress")
+        # Stages have texts of one or two lines, between which the window does not change its size.
+        below = imgui.get_cursor_pos_y() + 2.0 * imgui.get_text_line_height() + imgui.get_style().item_spacing.y
         caption(text)
+        imgui.set_cursor_pos_y(max(imgui.get_cursor_pos_y(), below))
+        imgui.dummy((0.0, 0.0))
     pressed = modal_buttons(rects, prefix, buttons, None, disabled=("cancel",) if job.cancelled else ())
     if pressed or (escapes and modal_escaped()):
         job.cancel()

@@ -12,6 +12,7 @@ from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.camera import Camera
 from faceposer.identity.editing import textures_of
 from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.identity.model import IdentityModel
 from faceposer.identity.photos.dense_fit import DenseFit, DenseFitter, DenseSettings
 from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
@@ -24,6 +25,7 @@ from faceposer.identity.photos.skin_samples import shipped_samples
 from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
+from faceposer.model.character_names import joined_credits
 from faceposer.model.face_model import FaceModel, build_face_model
 from faceposer.progress import Progress
 
@@ -105,7 +107,7 @@ def head_from_photos(
     if found is not None:
         identity = replace(identity, texture=_skin_texture(found, basis, identity, crops))
     progress.at("Making the character")
-    model = build_face_model(_named(basis.editor.with_head(identity), name, title, len(faces)))
+    model = build_face_model(_named(basis.editor.with_head(identity), basis.editor.model, name, title, len(faces)))
     views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
     lights: tuple[Array, ...] = () if found is None else found.lights
     if found is not None and identity.texture is not None:
@@ -219,7 +221,7 @@ def _report(
     }
 
 
-def _named(character: Character, name: str, title: str, n_photos: int) -> Character:
+def _named(character: Character, model: IdentityModel, name: str, title: str, n_photos: int) -> Character:
     made = f"Head made from {counted(n_photos, 'photo')} with a morphable model."
-    credits = " ".join(text for text in (made, character.credits) if text)
+    credits = joined_credits(made, model.credits, load_texture_model().credits, character.credits)
     return replace(character, name=name, title=title, credits=credits)

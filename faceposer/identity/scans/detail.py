@@ -1,8 +1,9 @@
 """Detail of a scan beyond the model: non-rigid registration where the scan is skin, blended into the model elsewhere.
 
-The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). What it
-finds is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into the
-model:
+The fitted head is laid on the scan by displacement-form non-rigid ICP (`faceposer.identity.registration`). Before, a
+coarse scan is rounded (`faceposer.identity.scans.rounding`), so that the head does not follow its flat triangles. What
+is found is kept where the scan has data, faces the same way and lies close. From there the displacement D fades into
+the model:
 
     min Σ_v known ω ‖d_v - D_v‖² + λ ‖L d‖² + ε ‖d‖²,
 
@@ -15,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg
+from scipy.spatial import cKDTree
 
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.mesh import TriangleMesh
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.identity.registration import LandmarkPairs, RegistrationSettings, graph_laplacian, register
 from faceposer.identity.scan_surface import ScanSurface
-from faceposer.identity.scans.basis import HeadBasis
+from faceposer.identity.scans.basis import HeadBasis, region_mask
+from faceposer.identity.scans.rounding import rounded
+from faceposer.model.character_file import load_character
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
@@ -30,10 +34,15 @@ Mask = NDArray[np.bool_]
 SETTINGS = RegistrationSettings(
     stiffness=(100.0, 30.0, 10.0, 3.0, 1.0), rounds=2, landmark_weight=0.0, farthest=(0.6, 0.25), least_cosine=0.75
 )
+# Number of vertices from which a scan is fine enough.
+_FINE = 40_000
 # Least trust at which a vertex looks for the scan, and the one from which it is not questioned.
 _SEARCHING, _SKIN = 0.02, 0.2
 # Where hair may be, the scan is only followed if most of it lies within this distance of the fit, in centimetres.
 _BALD_DISTANCE, _BALD_SHARE = 0.3, 0.75
+# Width of the strip along the scalp in which hair may begin, and the distance of the scan from which it is hair there:
+# in centimetres, and in standard deviations of the distances of the skin.
+_HAIRLINE, _CLOSE, _USUAL = 3.0, 0.03, 4.0
 # Motion by an expression, in centimetres, above which the form of the surface is not carried to the neutral face.
 _MOVED = 0.35
 # Weight of known displacements, and number of edges within which they fade.
@@ -72,6 +81,8 @@ def find_detail(
     """
     nobody = LandmarkPairs(SurfacePoints.at_vertices([]), np.zeros((0, 3)), np.zeros(0))
     searching = _searching(basis, posed, scan)
+    if len(scan.vertices) < _FINE:
+        scan = rounded(scan)
     found = register(
         TriangleMesh(posed, basis.triangles),
         scan,
@@ -89,15 +100,24 @@ def find_detail(
 
 
 def _searching(basis: HeadBasis, posed: Array, scan: TriangleMesh) -> Mask:
-    """Return the mask of the vertices that look for the scan: where it is skin, and all of it if the head is bald."""
+    """Return the mask of the vertices that look for the scan: where it is skin, and all of it if the head is bald.
+
+    With hair, vertices near the scalp look for it only if it lies about as close as elsewhere: where hair begins, it
+    rises from the skin without an edge.
+    """
     hairy = (basis.trust > _SEARCHING) & (basis.trust < _SKIN)
     result = basis.trust >= _SKIN
-    if hairy.any():
-        closest = ScanSurface.of(scan).closest(posed[hairy])
-        near = (closest.distances < _BALD_DISTANCE) & ~closest.at_border
-        if near.mean() > _BALD_SHARE:
-            result |= hairy
-    return result
+    if not hairy.any():
+        return result
+    closest = ScanSurface.of(scan).closest(posed)
+    near = (closest.distances < _BALD_DISTANCE) & ~closest.at_border
+    if near[hairy].mean() > _BALD_SHARE:
+        return result | hairy
+    man = load_character("man")
+    scalp = np.flatnonzero(region_mask(man, ["scalp"], len(posed)))
+    apart, _ = cKDTree(basis.mean[scalp]).query(basis.mean)
+    usual = 1.4826 * float(np.median(closest.distances[result & near]))
+    return result & ((apart > _HAIRLINE) | (closest.distances < max(_CLOSE, _USUAL * usual)))
 
 
 def _neighbours(basis: HeadBasis) -> sparse.csr_array:

@@ -1,29 +1,29 @@
 """A model learned from unregistered scans, by bootstrapping (Blanz and Vetter 1999, section 5).
 
-1. Each scan is laid in correspondence: by a model, whose fit brings the template close, or in the first round without
-   one by landmarks alone; then by non-rigid registration, which adds what lies outside of the model's span.
+1. Each scan is laid in correspondence: a model is fitted to it, which brings the template close, and non-rigid
+   registration adds what lies outside of the model's span. The first model is the given one, or its mean with smooth
+   deformations (`faceposer.identity.scans.smooth_modes`).
 2. The heads are brought to one position and size, and their mean and principal components are a new model.
-3. With it, all scans are fitted again. A model that knows more of the heads gets their features into correspondence
-   where closest points alone would let them slide, and so does the next one.
+3. With it, all scans are fitted again. A few heads say little of how heads differ, so that the first model stays in it:
+   with m heads, whose covariance is C, and the covariance C₀ of the first model, heads vary by (m C + κ C₀) / (m + κ),
+   as if it had been learned from κ heads (the mean of an inverse Wishart distribution).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
-from faceposer.geometry.mesh import TriangleMesh
-from faceposer.geometry.picking import SurfacePoints
 from faceposer.identity.model import IdentityModel
-from faceposer.identity.registration import LandmarkPairs, RegistrationSettings, register
 from faceposer.identity.scans.basis import HeadBasis, basis_of
-from faceposer.identity.scans.detail import IDENTITY, faded, find_detail
-from faceposer.identity.scans.fitting import Stage, fit_head
+from faceposer.identity.scans.detail import find_detail
+from faceposer.identity.scans.fitting import STAGES, Stage, fit_head
 from faceposer.identity.scans.head_from_scans import Scan, known_landmarks, marked_scan, read_scan
 from faceposer.identity.scans.scan import placed_scan
+from faceposer.identity.scans.smooth_modes import smooth_modes
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
@@ -33,18 +33,14 @@ Mapper = Callable[..., Iterable[Array]]
 
 #: Fewest scans from which a model is learned.
 FEWEST = 3
-# Registration without a model, from the landmarks alone.
-_BY_LANDMARKS = RegistrationSettings(
-    stiffness=(3000.0, 1000.0, 300.0, 100.0, 30.0), rounds=2, landmark_weight=3.0, farthest=(1.5, 0.5), ridge=3.0
-)
-# Farthest that a landmark may lie from the mean head's, and the spread that halves its weight, in centimetres.
-_FARTHEST, _USUAL = 1.5, 0.2
-# Stages with a model that is still young: its few modes leave more, so that the surface is followed less closely.
-_STAGES = (
-    Stage(3, 0.4, None, 0.35),
-    Stage(5, 1.0, 0.2, 0.4, (2.0, 1.0)),
-    Stage(6, 1.0, 0.1, 0.5, (1.0, 0.6), expressions=False),
-    Stage(6, 1.0, 0.05, 0.6, (0.6, 0.4), expressions=False),
+# κ: number of heads that the first model counts for.
+_PRIOR_HEADS = 10.0
+# Stages with smooth deformations, which know little of heads: expressions and segments would explain anything.
+_SMOOTH_STAGES = (
+    Stage(3, 0.2, None, 0.2, expressions=False),
+    Stage(6, 0.5, 0.2, 0.2, (2.0, 1.0), expressions=False),
+    Stage(6, 1.0, 0.08, 0.2, (1.0, 0.6), expressions=False),
+    Stage(6, 1.0, 0.02, 0.2, (0.6, 0.3), expressions=False, by_scan=True),
 )
 # Rounds in which the heads are aligned with their mean.
 _ALIGNMENTS = 3
@@ -56,13 +52,13 @@ class Work:
 
     Attributes:
         scan: The scan with its landmarks.
-        basis: The model, or the mean alone.
-        by_model: False in a first round without a model.
+        basis: The model.
+        smooth: True if it has smooth deformations.
     """
 
     scan: Scan
     basis: HeadBasis
-    by_model: bool
+    smooth: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,23 +87,10 @@ def registered(work: Work) -> Array:
     """Return the neutral head of a scan in correspondence, in the frame of the model, shape (N, 3)."""
     basis, landmarks = work.basis, known_landmarks(work.scan)
     placed = placed_scan(basis, work.scan.mesh, landmarks, work.scan.name)
-    if work.by_model:
-        fit = fit_head(basis, [placed.data], _STAGES)
-        posed, offsets = fit.posed(0), basis.offsets(fit.scans[0].weights)
-        detail = find_detail(basis, posed, offsets, placed.moved(fit.scans[0].frame))
-        return fit.neutral + detail.offsets
-    data = placed.data
-    template = TriangleMesh(basis.mean, basis.triangles)
-    on_skin = np.flatnonzero(basis.on_skin & np.isfinite(landmarks.points).all(axis=1))
-    points = SurfacePoints(basis.landmarks.faces[on_skin], basis.landmarks.barycentric[on_skin])
-    places, spreads = data.places[: len(on_skin)], data.spreads[: len(on_skin)]
-    apart = np.linalg.norm(places - points.positions(basis.mean, basis.triangles), axis=1)
-    # Points in open eyes may have been lifted to a surface behind them.
-    pairs = LandmarkPairs(points, places, np.where(apart < _FARTHEST, 1.0 / (1.0 + (spreads / _USUAL) ** 2), 0.0))
-    searching = basis.trust > 0.0
-    found = register(template, data.surface.mesh, pairs, _BY_LANDMARKS, searching=searching, frame=IDENTITY)
-    laid = rigid_alignment(basis.mean[found.used], found.vertices[found.used], scale=True).apply(basis.mean)
-    return laid + faded(basis, found.vertices - laid, found.used)
+    fit = fit_head(basis, [placed.data], _SMOOTH_STAGES if work.smooth else STAGES)
+    posed, offsets = fit.posed(0), basis.offsets(fit.scans[0].weights)
+    detail = find_detail(basis, posed, offsets, placed.moved(fit.scans[0].frame))
+    return fit.neutral + detail.offsets
 
 
 def learning_rounds(
@@ -137,12 +120,18 @@ def learning_rounds(
     if len(scans) < FEWEST:
         raise FacePoserError(f"A model needs at least {FEWEST} scans; there are {len(scans)}.")
     progress = progress or Progress()
-    model = start
+    basis = basis_of(start)
+    if from_mean:
+        basis = replace(basis, modes=smooth_modes(basis.mean, np.flatnonzero(basis.trust[: basis.n_control] > 0.0)))
+    first, model = basis.modes, start
+    share = len(scans) / (len(scans) + _PRIOR_HEADS)
     for number in range(rounds):
-        basis = basis_of(model)
-        by_model = number > 0 or not from_mean
+        if number:
+            basis = basis_of(model)
+            modes = np.concatenate([np.sqrt(share) * basis.modes, np.sqrt(1.0 - share) * first])
+            basis = replace(basis, modes=modes)
         results: list[Array] = []
-        for head in mapper(registered, [Work(scan, basis, by_model) for scan in scans]):
+        for head in mapper(registered, [Work(scan, basis, from_mean) for scan in scans]):
             results.append(head)
             progress.at("Registering the scans", (number * len(scans) + len(results)) / (rounds * len(scans)))
         heads = aligned_heads(np.stack(results), basis.trust)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.geometry.mirror import SurfaceMirror, mirrored_camera
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.model.face_model import FaceModel
+from faceposer.sized_cache import weak_cache
 from faceposer.solve.constraints import codec
 from faceposer.solve.constraints.base import ConstraintBase, ConstraintJson, PlaceNames
 from faceposer.solve.constraints.point import SIGMA_PX
@@ -129,7 +130,7 @@ class DistanceConstraint(ConstraintBase):
         return cls((first, second), form.target, form.camera.camera(), **form.switches)
 
 
-@lru_cache(maxsize=64)
+@weak_cache(64)
 def _reach(model: FaceModel, points: SurfacePoints, camera: Camera) -> tuple[float, float]:
     rows, neutral = model.jacobian_at(points)
     # With about 100 shapes, all pairs are a few thousand faces of two points each.

@@ -1,16 +1,18 @@
 """The tab of the head and its tool, driven by pointer and keys alone."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.gui.features.head.feature import HeadFeature
 from faceposer.gui.testing.scripted_user import Robot
-from faceposer.model.character_file import load_character
+from faceposer.model.character_file import load_character, save_character
 from tests.windows import OpenWindow
 
 pytestmark = pytest.mark.gl
@@ -102,7 +104,9 @@ def test_locked_parts_stay(robot: Robot) -> None:
 
 def test_variations_are_chosen_from_a_grid(robot: Robot) -> None:
     before = skin(robot)
-    robot.click_widget("head:variations")
+    robot.click_widget("tab:View")
+    robot.click_widget("menu:Head")
+    robot.click_widget("menu:head-variations")
     robot.frames(12)
     robot.click_widget("head:variation:4")
     robot.frames(2)
@@ -196,9 +200,14 @@ def test_heads_are_saved_as_characters(robot: Robot, tmp_path: Path, monkeypatch
     robot.click_widget("head-random")
     robot.frames(2)
     feature(robot).save("Ann Other")
+    with pytest.raises(FacePoserError, match="There is a character ann other already"):
+        feature(robot).save("ann other")
     entry = next(one for one in robot.app.characters.all(()) if one.title == "Ann Other")
     saved = load_character(entry.name)
     np.testing.assert_array_equal(saved.vertices, robot.app.session.model.character.vertices)
+    assert saved.name == Path(entry.name).stem
+    for source in ("ICT-FaceKit", "Skins: MakeHuman", "Face Units 01"):
+        assert saved.credits.count(source) == 1, source
 
 
 def test_characters_without_the_model_have_no_tab(open_window: OpenWindow) -> None:
@@ -206,3 +215,27 @@ def test_characters_without_the_model_have_no_tab(open_window: OpenWindow) -> No
     assert "tab:Head" not in robot.app.widget_rects
     assert not robot.app.actions["head-random"].enabled()
     assert "head" not in [tool.name for tool in robot.app.toolbox.usable_tools]
+
+
+def test_trained_characters_on_the_mans_mesh_have_no_tab(open_window: OpenWindow, tmp_path: Path) -> None:
+    man = load_character("man")
+    names = man.shape_names[:20]
+    limits = man.shape_limits[:20]
+    trained = replace(man, shapes=man.shapes[:20], shape_names=names, shape_limits=limits, name="t", title="T")
+    save_character(tmp_path / "t.npz", trained)
+    robot = open_window(str(tmp_path / "t.npz"), pictures=False)
+    robot.frames(3)
+    assert "tab:Head" not in robot.app.widget_rects
+    assert "head" not in [tool.name for tool in robot.app.toolbox.usable_tools]
+
+
+def test_a_head_that_cannot_be_measured_says_why_once(open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> None:
+        raise FacePoserError("The model is damaged.")
+
+    monkeypatch.setattr("faceposer.identity.editing.head_editor", fail)
+    robot = open_window("man", pictures=False)
+    robot.click_widget("tab:Head")
+    robot.frames(10)
+    assert feature(robot).failure == "The model is damaged."
+    assert not robot.app.dialogs.open

@@ -15,7 +15,8 @@ from imgui_bundle import imgui
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
 from faceposer.gui.events import CloseRequest, Drop
-from faceposer.gui.features.import_character.feature import ImportCharacterFeature, ImportForm
+from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+from faceposer.gui.features.import_character.form import ImportForm
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.path_browser import PathBrowser

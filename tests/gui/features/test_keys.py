@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from faceposer.animation.keyframes import Keyframes
 from faceposer.geometry.obj_io import write_obj
+from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.features.keys.feature import KeysFeature
+from faceposer.gui.features.photo.feature import PhotoFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.transfer.feature import TransferFeature
 from faceposer.gui.testing.scripted_user import Robot
@@ -93,10 +96,11 @@ def test_an_edited_key_changes_the_clone_and_the_session_comes_back(robot: Robot
     pose(robot, mouthSmileLeft=0.5, mouthSmileRight=0.5)
     before, pair = robot.app.session, folder / "target" / "happiness.json"
     old, clone = read_pose(pair), clone_of(robot, "happiness")
+    view = robot.app.viewport.view = robot.app.viewport.view.looking("three-quarter")
     robot.click_widget("key:happiness:target")
-    robot.click_widget("choice:1")
     robot.frames(2)
     app = robot.app
+    assert not app.dialogs.open, "the session is put aside, and nothing is lost"
     assert app.session.model.character.name == "creature"
     edited = feature(robot).editing.edited
     assert edited is not None
@@ -120,6 +124,7 @@ def test_an_edited_key_changes_the_clone_and_the_session_comes_back(robot: Robot
     robot.frames(2)
     assert app.session is before
     assert app.session.dirty
+    assert app.viewport.view == view
     robot.key("Ctrl+Z")
     np.testing.assert_array_equal(app.session.coefficients, app.session.model.neutral())
 
@@ -150,29 +155,90 @@ def test_the_present_pose_becomes_a_key_with_a_proposal(robot: Robot, folder: Pa
     robot.click_widget("keys-add")
     robot.key("Ctrl+A")
     robot.type("Crooked")
-    robot.click_widget("text:accept")
+    robot.click_widget("keys-add:kind:1")
+    robot.click_widget("keys-add:accept")
     finish(robot)
     assert read_pose(folder / "source" / "crooked.json").weights["jawOpen"] == pytest.approx(0.6, abs=0.05)
     assert PROPOSED in read_pose(folder / "target" / "crooked.json").tags
     key = keys_of(robot).key("crooked")
     assert key is not None
     assert key.proposed
-    # A second one of this name is refused, and harms nothing.
+    assert key.kind == "viseme"
+
+
+def test_a_taken_name_is_told_before_it_replaces_a_key(robot: Robot, folder: Path) -> None:
+    before = (folder / "source" / "fear.json").read_bytes()
+    pose(robot, jawOpen=0.6, mouthSmileLeft=0.7)
     robot.click_widget("keys-add")
     robot.key("Ctrl+A")
-    robot.type("Crooked")
-    robot.click_widget("text:accept")
+    robot.type("fear")
+    robot.frames(2)
+    assert feature(robot).adding.replaced == "Fear"
+    robot.key("Esc")
+    robot.frames(2)
+    assert not robot.app.is_modal
+    assert (folder / "source" / "fear.json").read_bytes() == before
+    robot.click_widget("keys-add")
+    robot.key("Ctrl+A")
+    robot.type("fear")
+    robot.key("Enter")
     finish(robot)
-    assert "already has a key" in robot.app.dialogs.waiting[0].text
+    assert read_pose(folder / "source" / "fear.json").weights["jawOpen"] == pytest.approx(0.6, abs=0.05)
+    assert keys_of(robot).key("fear").kind == "expression"  # type: ignore[union-attr]
+
+
+def test_the_list_scrolls_to_an_added_key_and_its_kind_can_change(robot: Robot) -> None:
+    robot.click_widget("keys-compose")
+    finish(robot)
+    assert keys_of(robot).key("anger+ah").title == "Anger + AH"  # type: ignore[union-attr]
+    pose(robot, jawOpen=0.2, cheekPuff=0.7)
+    robot.click_widget("keys-add")
+    robot.key("Ctrl+A")
+    robot.type("Puffed")
+    robot.click_widget("keys-add:kind:2")
+    robot.click_widget("keys-add:accept")
+    finish(robot)
+    robot.frames(3)
+    _, top, _, bottom = robot.app.widget_rects["key:puffed:target"]
+    _, _, _, last = robot.app.widget_rects["view"]
+    assert top > last - 1.0, "in the strip below the view"
+    assert bottom < robot.app.window.size[1]
+    choose_from_menu(robot, "key:puffed:target", "kind:viseme")
+    finish(robot)
+    assert keys_of(robot).key("puffed").kind == "viseme"  # type: ignore[union-attr]
+
+
+def test_leaving_a_key_for_another_session_asks_about_both(robot: Robot, folder: Path) -> None:
+    app = robot.app
+    pose(robot, mouthSmileLeft=0.5, mouthSmileRight=0.5)
+    before, written = app.session, (folder / "target" / "anger.json").read_bytes()
+    robot.click_widget("key:anger:target")
+    robot.frames(2)
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 8, y - 22))
+    app.files.open("low")
+    robot.frames(2)
+    assert "Save the key pose" in app.dialogs.waiting[0].title
+    robot.click_widget("choice:1")
+    robot.frames(2)
+    assert app.session is before
+    assert app.dialogs.waiting[0].title == "Save the session?"
+    robot.key("Esc")
+    robot.frames(2)
+    assert app.session is before
+    assert app.session.dirty
+    assert (folder / "target" / "anger.json").read_bytes() == written
 
 
 def test_sides_are_replaced_proposed_and_removed_by_the_menu(robot: Robot, folder: Path) -> None:
     pose(robot, jawOpen=0.3, browInnerUp=0.9)
     choose_from_menu(robot, "key:surprise:source", "replace-source")
+    robot.click_widget("choice:0")
     finish(robot)
     assert read_pose(folder / "source" / "surprise.json").weights["jawOpen"] == pytest.approx(0.3, abs=0.05)
     before = clone_of(robot, "surprise")
     choose_from_menu(robot, "key:surprise:target", "propose")
+    robot.click_widget("choice:0")
     finish(robot)
     assert np.abs(clone_of(robot, "surprise") - before).max() > 0.01
     assert PROPOSED in read_pose(folder / "target" / "surprise.json").tags
@@ -215,14 +281,20 @@ def test_the_animation_is_covered_and_the_best_frame_shown(robot: Robot) -> None
     assert np.delete(covered.distances, 27).max() < 0.1 * covered.limit
     robot.click_widget("keys:best")
     assert app.session.animation.frame == 27
-    left, top, right, bottom = app.widget_rects["keys:coverage"]
-    robot.click((left + 0.26 * (right - left), 0.5 * (top + bottom)))
+    # The frames are below those of the timeline.
+    _, top, _, bottom = app.widget_rects["keys:coverage"]
+    track = app.features[TimelineFeature].track
+    robot.click((track.x_of(10), 0.5 * (top + bottom)))
     assert app.session.animation.frame == 10
+    track._set_visible_range(5.0, 20.0, 0.0)
+    robot.frames(2)
+    robot.click((track.x_of(18), 0.5 * (top + bottom)))
+    assert app.session.animation.frame == 18
 
     # As a key, the frame is covered.
     robot.click_widget("keys:best")
     robot.click_widget("keys-add")
-    robot.click_widget("text:accept")
+    robot.click_widget("keys-add:accept")
     finish(robot)
     covered = feature(robot).covering.of_animation(keys_of(robot))
     assert covered is not None
@@ -303,7 +375,7 @@ def test_an_expression_is_transferred_by_examples(robot: Robot) -> None:
     robot.click_widget("transfer:method:2")
     robot.frames(2)
     assert state.error == ""
-    assert "mm from the keys" in state.reach[0]
+    assert "mm from the key poses" in state.reach[0]
     whole = state.result
     transfer = keys_of(robot).transfer
     assert transfer is not None
@@ -330,6 +402,55 @@ def test_keys_of_another_target_are_refused_and_poses_outside_told(robot: Robot)
     assert "outside the keys" in state.reach[1]
     state.to = "woman"
     robot.frames(3)
-    assert "are for 'creature'" in state.error
+    assert state.to == "woman", "the target does not change by itself"
+    assert state.error == "These key poses are for Goblin, not for Woman."
     assert state.result is None
+    robot.click_widget("transfer:keys:target")
+    robot.frames(3)
+    assert state.to == "creature"
+    assert state.result is not None
+    robot.click_widget("transfer:open")
+    robot.frames(2)
     robot.key("Esc")
+    robot.frames(3)
+    assert state.open, "a question that is cancelled leaves the dialog"
+    assert robot.app.session.model.character.name == "low"
+    robot.key("Esc")
+
+
+def test_back_returns_to_the_photo_as_it_was_shown(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    photos, path = app.features[PhotoFeature], tmp_path / "face.png"
+    Image.fromarray(np.full((300, 400, 3), 120, dtype=np.uint8)).save(path)
+    photos.open(path)
+    robot.frames(2)
+    app.viewport.view = view = app.viewport.view.zoomed(2.0)
+    robot.frames(2)
+    robot.click_widget("key:anger:target")
+    robot.frames(3)
+    assert not isinstance(app.viewport.view, PictureView)
+    robot.click_widget("keys-back")
+    robot.frames(3)
+    assert app.viewport.view == view
+    assert photos.aligned
+
+
+def test_the_session_that_is_put_aside_outlives_the_program(
+    open_window: OpenWindow, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    robot = open_window("low", (1300, 900), journal=True, keys_folder=str(folder))
+    robot.app.actions["key-poses"].run()
+    finish(robot)
+    pose(robot, mouthSmileLeft=0.5, mouthSmileRight=0.5)
+    before = robot.app.session.coefficients
+    robot.click_widget("key:anger:target")
+    robot.frames(40)
+    robot.app.close()
+
+    other = open_window("low", journal=True)
+    other.frames(2)
+    assert other.app.dialogs.waiting[0].title == "Recover the unsaved session with 'low'?"
+    other.click_widget("choice:0")
+    other.frames(2)
+    np.testing.assert_allclose(other.app.session.coefficients, before, atol=1e-9)

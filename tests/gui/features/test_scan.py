@@ -7,7 +7,7 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
-from faceposer.gui.features.head_making.feature import MadeHead
+from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.gui.features.scan import work
 from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.testing.scripted_user import Robot
@@ -94,8 +94,20 @@ def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypa
     finish(robot)
     assert asked == [(True, True, "Ann Other")]
     assert page(robot) == "result"
+    # A question about unsaved changes that is cancelled leaves the result.
+    robot.app.session.mark_unsaved()
     robot.click_widget("scan:open")
     robot.frames(3)
+    assert robot.app.dialogs.waiting[0].title == "Save the session?"
+    robot.key("Esc")
+    robot.frames(3)
+    assert page(robot) == "result"
+    assert not list(robot.app.characters.folder.glob("*.npz"))
+    robot.click_widget("scan:open")
+    robot.frames(3)
+    robot.click_widget("choice:1")
+    robot.frames(3)
+    assert not robot.app.dialogs.open
     assert not state.open
     assert robot.app.session.model.character.title == "Man"
     assert "/characters/" in robot.app.session.document.character

@@ -1,11 +1,16 @@
 """What a scan has beyond the model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from faceposer.geometry.mesh import TriangleMesh
-from faceposer.identity.scans.basis import HeadBasis
-from faceposer.identity.scans.detail import Detail, faded, find_detail
+from faceposer.identity.scans import detail as detail_module
+from faceposer.identity.scans.basis import HeadBasis, region_mask
+from faceposer.identity.scans.detail import SETTINGS, Detail, faded, find_detail
+from faceposer.model.character_file import load_character
 
 
 @pytest.fixture(scope="module")
@@ -43,3 +48,16 @@ def test_offsets_fade_smoothly(basis: HeadBasis) -> None:
     assert np.abs(offsets[basis.mean[:, 2] < -5.0]).max() < 0.01
     steps = np.linalg.norm(offsets[basis.triangles[:, 0]] - offsets[basis.triangles[:, 1]], axis=1)
     assert steps.max() < 0.04
+
+
+def test_hair_is_not_taken_for_skin(basis: HeadBasis, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(detail_module, "SETTINGS", replace(SETTINGS, stiffness=(100.0, 3.0), rounds=1))
+    scalp = region_mask(load_character("man"), ["scalp"], len(basis.mean))
+    apart, _ = cKDTree(basis.mean[scalp]).query(basis.mean)
+    hair = 2.0 * np.clip(1.0 - apart, 0.0, 1.0)
+    vertices = basis.mean + hair[:, None] * basis.normals(basis.mean)
+    found = find_detail(basis, basis.mean, np.zeros_like(vertices), TriangleMesh(vertices, basis.triangles))
+    # Hair rises from the skin within a centimetre; the head does not follow it.
+    assert hair[basis.trust >= 0.2].max() > 1.0
+    assert 10.0 * np.linalg.norm(found.offsets, axis=1).max() < 0.5
+    assert not found.known[hair > 0.1].any()

@@ -1,6 +1,7 @@
 """Models learned from scans."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,22 +9,29 @@ import pytest
 from faceposer.errors import FacePoserError
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.identity.model_file import load_identity_model
+from faceposer.identity.scans import detail, learning
 from faceposer.identity.scans.basis import HeadBasis
 from faceposer.identity.scans.head_from_scans import Scan
 from faceposer.identity.scans.learning import Work, aligned_heads, learn_model, registered
+from faceposer.identity.scans.smooth_modes import smooth_modes
 from tests.identity.meshes import ELSEWHERE
 from tests.identity.scans.conftest import SmilingScan
 
 
-def test_a_scan_is_registered_without_a_model(basis: HeadBasis, smiling: SmilingScan) -> None:
+def test_a_scan_is_registered_by_smooth_deformations(
+    basis: HeadBasis, smiling: SmilingScan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(learning, "_SMOOTH_STAGES", tuple(replace(s, rounds=3) for s in learning._SMOOTH_STAGES))
+    monkeypatch.setattr(detail, "SETTINGS", replace(detail.SETTINGS, stiffness=(30.0,), rounds=1))
     scan = Scan("me", smiling.mesh, smiling.landmarks)
-    head = registered(Work(scan, basis, by_model=False))
+    chosen = np.flatnonzero(basis.trust[: basis.n_control] > 0.0)
+    head = registered(Work(scan, replace(basis, modes=smooth_modes(basis.mean, chosen)[:50]), smooth=True))
     face = basis.trust > 0.9
     errors = []
     for each in (basis.mean, head):
         moved = rigid_alignment(each[face], smiling.neutral[face], scale=True).apply(each[face])
         errors.append(10.0 * np.linalg.norm(moved - smiling.neutral[face], axis=1).mean())
-    # The smile stays in it, and landmarks alone do not place the vertices exactly.
+    # The smile stays in it, and smooth deformations do not place the vertices exactly.
     assert errors[1] < 0.8 * errors[0]
 
 

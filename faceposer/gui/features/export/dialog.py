@@ -1,11 +1,12 @@
 """Export dialog: format, options of images and videos, and progress."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
+from faceposer.gui.features.export.form import ExportForm
 from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.modal import (
     draw_job,
@@ -23,9 +24,6 @@ from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.interchange.formats import FORMATS
 from faceposer.session.jobs import Job
 
-if TYPE_CHECKING:
-    from faceposer.gui.features.export.feature import ExportFeature, ExportForm
-
 _WIDTH, _LABEL = 36.0, 7.0
 _SMALLEST, _LARGEST = 16, 4096
 _FASTEST, _LONGEST = 50, 60.0
@@ -34,26 +32,40 @@ _MOST_OPTIONS = 4
 _BUTTONS = (("accept", "Export..."), ("cancel", "Cancel"))
 
 
-def draw_form(context: EditorContext, feature: "ExportFeature") -> None:
-    """Draw the formats and their options."""
+def draw_form(
+    context: EditorContext,
+    form: ExportForm,
+    animated: bool,
+    choose_file: Callable[[], object],
+    close: Callable[[], object],
+) -> None:
+    """Draw the formats and their options.
+
+    Args:
+        context: The editor.
+        form: The choices.
+        animated: True if there is an animation.
+        choose_file: Called to go on with the name of the file.
+        close: Called to close the dialog.
+    """
     pressed = ""
     with modal("##export", _WIDTH) as shown:
         if shown:
-            pressed = _draw_form(context, feature)
+            pressed = _draw_form(context, form, animated)
             if pressed:
                 imgui.close_current_popup()
     if pressed == "accept":
-        feature.choose_file()
+        choose_file()
     elif pressed == "cancel":
-        feature.close_dialog()
+        close()
 
 
-def _draw_form(context: EditorContext, feature: "ExportFeature") -> str:
+def _draw_form(context: EditorContext, form: ExportForm, animated: bool) -> str:
     """Draw the form and return the name of the button that was pressed, by pointer or key, or ""."""
     rects = context.widget_rects
     modal_title(context.fonts, "Export as")
     with modal_body(_BUTTONS):
-        _draw_body(context, feature)
+        _draw_body(context, form, animated)
     pressed = modal_buttons(rects, "export", _BUTTONS)
     if modal_escaped():
         pressed = "cancel"
@@ -62,8 +74,8 @@ def _draw_form(context: EditorContext, feature: "ExportFeature") -> str:
     return pressed
 
 
-def _draw_body(context: EditorContext, feature: "ExportFeature") -> None:
-    form, rects = feature.form, context.widget_rects
+def _draw_body(context: EditorContext, form: ExportForm, animated: bool) -> None:
+    rects = context.widget_rects
     for suffix, format_ in FORMATS.items():
         missing = format_.missing()
         left = imgui.get_cursor_pos_x()
@@ -80,16 +92,15 @@ def _draw_body(context: EditorContext, feature: "ExportFeature") -> None:
     imgui.dummy((0.0, em(0.1)))
     # The height is the same for all formats, so that nothing jumps when another one is chosen.
     top, reserved = imgui.get_cursor_pos_y(), _MOST_OPTIONS * imgui.get_frame_height_with_spacing()
-    _draw_options(context, feature)
+    _draw_options(context, form, animated)
     unused = top + reserved - imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y
     if unused > 0.0:
         imgui.dummy((0.0, unused))
 
 
-def _draw_options(context: EditorContext, feature: "ExportFeature") -> None:
-    rects, chosen = context.widget_rects, FORMATS[feature.form.suffix]
-    animated = feature.performance() is not None
-    _draw_content_options(rects, feature.form, animated)
+def _draw_options(context: EditorContext, form: ExportForm, animated: bool) -> None:
+    rects, chosen = context.widget_rects, FORMATS[form.suffix]
+    _draw_content_options(rects, form, animated)
     if not chosen.contact:
         caption("Without contact: lids, eyes, lips and teeth may intersect, because weights cannot express it.")
     if chosen.materials:
@@ -99,12 +110,12 @@ def _draw_options(context: EditorContext, feature: "ExportFeature") -> None:
         rects.record("export:materials")
         tooltip("Write them next to the mesh and name them after it: smile.mtl, smile_skin.jpg")
     if chosen.drawn:
-        _draw_image_options(rects, feature.form)
+        _draw_image_options(rects, form)
     if chosen.holds == "film":
-        _draw_video_options(rects, feature.form, animated and feature.form.animated)
+        _draw_video_options(rects, form, animated and form.animated)
 
 
-def _draw_content_options(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
+def _draw_content_options(rects: WidgetRects, form: ExportForm, animated: bool) -> None:
     chosen = FORMATS[form.suffix]
     row_label("Content", "What the file contains", _LABEL)
     imgui.align_text_to_frame_padding()
@@ -121,7 +132,7 @@ def _draw_content_options(rects: WidgetRects, form: "ExportForm", animated: bool
     rects.record("export:pose")
 
 
-def _draw_image_options(rects: WidgetRects, form: "ExportForm") -> None:
+def _draw_image_options(rects: WidgetRects, form: ExportForm) -> None:
     row_label("Size", "Width and height of the image in pixels", _LABEL)
     imgui.set_next_item_width(em(9))
     _, (width, height) = imgui.input_int2("##size", [form.width, form.height])
@@ -137,7 +148,7 @@ def _draw_image_options(rects: WidgetRects, form: "ExportForm") -> None:
         tooltip("Write an alpha channel in place of the background")
 
 
-def _draw_video_options(rects: WidgetRects, form: "ExportForm", animated: bool) -> None:
+def _draw_video_options(rects: WidgetRects, form: ExportForm, animated: bool) -> None:
     row_label("Turntable", "Turn of the camera around the head", _LABEL)
     if animated:
         _, form.turning = imgui.checkbox("##turning", form.turning)
@@ -161,12 +172,12 @@ def _draw_video_options(rects: WidgetRects, form: "ExportForm", animated: bool) 
     imgui.text_disabled("frames per second")
 
 
-def draw_progress(context: EditorContext, feature: "ExportFeature", job: Job[Path]) -> None:
-    """Draw the progress of the export, with a button that cancels it."""
+def draw_progress(context: EditorContext, name: str, job: Job[Path]) -> None:
+    """Draw the progress of the export to the file ``name``, with a button that cancels it."""
     with modal("##export", _WIDTH) as shown:
         if not shown:
             return
         text = "The file is written when the export is complete."
-        draw_job(context.fonts, context.widget_rects, "export", f"Writing {feature.target.name}", job, text)
+        draw_job(context.fonts, context.widget_rects, "export", f"Writing {name}", job, text)
         if job.cancelled:
             imgui.close_current_popup()

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.export.dialog import draw_form, draw_progress
+from faceposer.gui.features.export.form import ExportForm
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.formats import FORMATS, Output, offered, write_sequence_steps, write_steps
@@ -30,31 +31,6 @@ if TYPE_CHECKING:
 _DRAW_SECONDS = 0.15
 _MESHES = (".obj", ".ply")
 POSES = (".obj", ".ply", ".csv", ".txt", ".json", ".glb", ".gltf")
-
-
-@dataclass
-class ExportForm:
-    """Choices of the export dialog, kept until the next export.
-
-    Attributes:
-        suffix: Suffix of the format.
-        animated: True to export the animation, if there is one, in place of the pose.
-        width: Width of images in pixels.
-        height: Height of images in pixels.
-        turning: True if the camera rotates around the head while the animation plays; for a pose it always does.
-        seconds: Duration of a turn in seconds.
-        rate: Frames per second of videos.
-        transparent: True if images have an alpha channel in place of the background.
-    """
-
-    suffix: str = ".glb"
-    animated: bool = True
-    width: int = 640
-    height: int = 640
-    turning: bool = False
-    seconds: float = 4.0
-    rate: int = 25
-    transparent: bool = False
 
 
 class ExportFeature(Feature):
@@ -296,9 +272,10 @@ class ExportFeature(Feature):
         if self.context.dialogs.open or self.context.file_dialogs.browsing:
             return
         if self.job is not None:
-            draw_progress(self.context, self, self.job)
+            draw_progress(self.context, self.target.name, self.job)
         elif self.open:
-            draw_form(self.context, self)
+            animated = self.performance() is not None
+            draw_form(self.context, self.form, animated, self.choose_file, self.close_dialog)
 
     def close(self) -> None:
         """Cancel the export in progress."""

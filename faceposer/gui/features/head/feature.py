@@ -46,7 +46,16 @@ class HeadFeature(HeadState, Feature):
             return self.applies and not self.context.busy
 
         return (
-            Action("head-random", "Random head", "Head", self.randomise, (), free, help="Change to a random head"),
+            Action(
+                "head-random",
+                "Random head",
+                "Head",
+                self.randomise,
+                (),
+                free,
+                separated=True,
+                help="Change to a random head",
+            ),
             Action("head-average", "Average head", "Head", self.average, (), free, help="Change to the average head"),
             Action(
                 "head-original",
@@ -56,6 +65,15 @@ class HeadFeature(HeadState, Feature):
                 (),
                 lambda: free() and self.context.session.document.identity is not None,
                 help="Return to the head of the character's file",
+            ),
+            Action(
+                "head-variations",
+                "Variations...",
+                "Head",
+                self.show_variations,
+                (),
+                free,
+                help="Choose among nine heads around this one, in the tab Head",
             ),
             Action(
                 "head-save",
@@ -69,13 +87,18 @@ class HeadFeature(HeadState, Feature):
             ),
         )
 
+    def show_variations(self) -> None:
+        """Offer variations of the head in its tab."""
+        self.context.show_tab("Head")
+        self.variations.make()
+
     def session_changed(self) -> None:
         """Serve the new session's character."""
         self._editor, self._drag, self._measured = None, None, (None, {})
         self.model_changed()
 
     def model_changed(self) -> None:
-        """Discard lines that another edit has left, and thumbnails in another pose."""
+        """Discard lines and thumbnails of variations that another edit has left."""
         shown = self.context.session.document.identity
         if self.caricature is not None and self.caricature.result is not shown:
             self.caricature = None

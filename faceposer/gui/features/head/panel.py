@@ -21,7 +21,7 @@ from faceposer.gui.widgets.basic import (
 )
 from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
 from faceposer.gui.widgets.text import shortened
-from faceposer.gui.widgets.theme import ACCENT_DARK
+from faceposer.gui.widgets.theme import ACCENT_DARK, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.identity.identity import Identity
 
@@ -41,6 +41,8 @@ _MOST_CARICATURE, _MOST_VARIETY = 2.5, 1.5
 _SAME = 1e-3
 # Width of the labels of attributes, in font sizes.
 _LABEL = 7.6
+# Height of the tab in font sizes below which all of it scrolls.
+_LOW = 18.0
 
 
 class HeadPanel:
@@ -56,18 +58,22 @@ class HeadPanel:
         head, context = self._head, self._head.context
         editor = head.editor
         if editor is None:
-            caption("Measuring the head...")
+            caption(head.failure or "Measuring the head...")
             return
-        imgui.begin_child("##head")
+        # The button stays in sight below the part that scrolls, unless that needs the room.
+        low = imgui.get_content_region_avail().y < em(_LOW)
+        imgui.begin_child("##head", (0.0, 0.0 if low else -imgui.get_frame_height_with_spacing()))
         with disabled(context.toolbox.active or (context.playing and not head.busy)):
             self._draw_likelihood(editor)
             self._draw_random(editor)
             self._draw_lines()
             self._draw_attributes(editor)
             draw_skin(head)
-        imgui.dummy((0.0, imgui.get_style().item_spacing.y))
-        action_button(context.widget_rects, context.actions["head-save"], -1.0)
+        if low:
+            action_button(context.widget_rects, context.actions["head-save"], -1.0)
         imgui.end_child()
+        if not low:
+            action_button(context.widget_rects, context.actions["head-save"], -1.0)
 
     def draw_tool_options(self) -> None:
         """Draw the options of the tool that drags points of the head."""
@@ -113,7 +119,10 @@ class HeadPanel:
             tooltip(
                 f"{name.capitalize()}\n{'Changes' if free else 'Locked'}; click to {'lock' if free else 'unlock'} it"
             )
-        shown = self._variations.shown
+        shown, top = self._variations.shown, imgui.get_cursor_pos_y()
+        if self._variations.scroll_to():
+            imgui.set_scroll_y(top)
+            context.redraw()
         if fitted_button(
             context.widget_rects,
             "Other variations" if shown else "Variations",

@@ -31,7 +31,7 @@ def draw_skin(head: HeadState) -> None:
     heading(context.fonts, "Skin")
     texture = head.identity.texture
     if texture is None:
-        caption("The character has its own skin.")
+        caption("The character has a skin of its own, which does not follow age and gender until you edit it.")
         tip = "Replace the skin by one of the model that is most like it, whose tone, brows and hair can change"
         if fitted_button(context.widget_rects, "Edit the skin", "head:edit-skin", button_width(1), tip):
             head.set_identity(replace(head.identity, texture=head.own_texture), "Edit the skin")

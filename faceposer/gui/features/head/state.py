@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
+from itertools import count
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
@@ -12,9 +12,11 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.features.head.lines import Line
 from faceposer.gui.widgets.dialogs import TextQuestion
 from faceposer.identity.identity import Identity, SkinTexture
+from faceposer.model.character import Character
 from faceposer.model.character_file import load_character, save_character
+from faceposer.model.character_names import checked_title, file_stem
 from faceposer.progress import Progress
-from faceposer.session.character_library import LONGEST_TITLE, LibraryEntry
+from faceposer.session.character_library import LibraryEntry
 from faceposer.session.jobs import ThreadJob
 from faceposer.tools.head_tool import HeadTool
 
@@ -61,6 +63,8 @@ class HeadState:
         self.mixture: Line | None = None
         self._job: ThreadJob[None] | None = None
         self._editor: HeadEditor | None = None
+        # A character whose head could not be measured, and why.
+        self._failed: tuple[Character, str] | None = None
         self._drag: _Drag | None = None
         # Number of the last frame in which the slider of the drag was drawn.
         self._drawn = 0
@@ -88,19 +92,29 @@ class HeadState:
     # The present head
 
     @property
+    def failure(self) -> str | None:
+        """Why the head of the open character cannot be edited, if its preparation has failed."""
+        character = self.context.session.base_model.character
+        return self._failed[1] if self._failed is not None and self._failed[0] is character else None
+
+    @property
     def editor(self) -> "HeadEditor | None":
-        """The editor of the character's head; None while it is being prepared in the background."""
+        """The editor of the character's head; None while it is prepared in the background, and after a `failure`."""
         character = self.context.session.base_model.character
         if self._editor is not None and self._editor.character is character:
             return self._editor
-        if self._job is None:
+        if self._job is None and self.failure is None:
 
             def prepare(_progress: Progress) -> None:
                 from faceposer.identity.editing import head_editor
 
-                editor = head_editor(character)
-                _ = editor.maker
-                self._editor = editor
+                try:
+                    editor = head_editor(character)
+                    _ = editor.maker
+                except FacePoserError as error:
+                    self._failed = (character, str(error))
+                else:
+                    self._editor = editor
 
             self._job = ThreadJob(prepare, self.context.wake)
         return None
@@ -153,7 +167,12 @@ class HeadState:
             return
         self._drawn = imgui.get_frame_count()
         if changed:
-            self.context.session.preview_identity(make(self._drag.before))
+            try:
+                self.context.session.preview_identity(make(self._drag.before))
+            except FacePoserError:
+                imgui.internal.clear_active_id()
+                self._end_drag(keep=False)
+                raise
             self.context.redraw()
         if imgui.is_key_pressed(imgui.Key.escape, False):
             imgui.internal.clear_active_id()
@@ -260,23 +279,28 @@ class HeadState:
 
     def ask_to_save(self) -> None:
         """Ask for the name of a new character with this head."""
-        title = f"{self.context.session.base_model.character.title} 2"
+        base, taken = self.context.session.base_model.character.title, self._titles
+        title = next(title for i in count(2) if (title := f"{base} {i}").casefold() not in taken)
         self.context.dialogs.ask(TextQuestion("Save head as character", title, "Save", self.save))
+
+    @property
+    def _titles(self) -> set[str]:
+        """Titles of all characters in the list, in lower case."""
+        return {entry.title.casefold() for entry in self.context.characters.all(self.context.settings.characters)}
 
     def save(self, title: str) -> None:
         """Save the character with this head to the library of characters.
 
         Raises:
-            FacePoserError: If the name is not possible, or the file cannot be written.
+            FacePoserError: If the name is not possible or taken, or the file cannot be written.
         """
-        title = title.strip()
-        if not title or len(title) > LONGEST_TITLE:
-            raise FacePoserError(f"Enter a name of at most {LONGEST_TITLE} characters.")
-        context = self.context
+        from faceposer.identity.head_choices import named_character
+
+        title, context = checked_title(title), self.context
+        if title.casefold() in self._titles:
+            raise FacePoserError(f"There is a character {title} already; choose another name.")
         library = context.characters
         library.make_folder()
-        stem = "".join(letter if letter.isalnum() else "-" for letter in title.lower()).strip("-") or "head"
-        path: Path = library.new_path(stem)
-        character = context.session.model.character
-        save_character(path, replace(character, name=path.stem, title=title))
+        path = library.new_path(file_stem(title))
+        save_character(path, named_character(self.require_editor(), self.identity, path.stem, title))
         context.notify(f"Saved {title}. It is in the list of characters at the top of the panel.")

@@ -1,5 +1,6 @@
 """A grid of random variations of the head, to choose from."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,9 @@ from faceposer.gui.widgets.theme import ACCENT, FIELD, RAISED_MORE, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.identity.identity import Identity
 
-_COLUMNS, _ROWS = 3, 3
+_COUNT = 9
+# Columns of the grid, of which the first are chosen with which all of it is visible at once.
+_COLUMNS = (3, 5)
 
 
 class Variations:
@@ -24,6 +27,7 @@ class Variations:
         self._portraits = Portraits(head.context)
         self._identities: list[Identity] = []
         self._round = 0
+        self._unseen = False
 
     @property
     def shown(self) -> bool:
@@ -44,10 +48,16 @@ class Variations:
         self.close()
         self._round += 1
         present = self._head.identity
-        others = (self._head.random_head(1000 * self._round + i) for i in range(_COLUMNS * _ROWS - 1))
+        others = (self._head.random_head(1000 * self._round + i) for i in range(_COUNT - 1))
         mixed = (present.mixed(other, 0.5) for other in others)
         # The thumbnails show the present skin.
         self._identities = [present, *(replace(head, texture=present.texture) for head in mixed)]
+        self._unseen = True
+
+    def scroll_to(self) -> bool:
+        """Return True once after other heads were made: the tab then scrolls to the grid."""
+        unseen, self._unseen = self._unseen, False
+        return unseen
 
     def close(self) -> None:
         """Close the grid."""
@@ -65,11 +75,14 @@ class Variations:
 
     def draw(self) -> None:
         """Draw the grid."""
-        gap = round(em(0.35))
-        side = max(int((imgui.get_content_region_avail().x - gap * (_COLUMNS - 1)) / _COLUMNS), 8)
+        gap, room = round(em(0.35)), imgui.get_content_region_avail().x
+        high = imgui.get_window_height() - imgui.get_frame_height_with_spacing()
+        fitting = (n for n in _COLUMNS if math.ceil(_COUNT / n) * (room + gap) / n <= high)
+        columns = next(fitting, _COLUMNS[-1])
+        side = max(int((room - gap * (columns - 1)) / columns), 8)
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
         for i, identity in enumerate(self._identities):
-            if i % _COLUMNS:
+            if i % columns:
                 imgui.same_line()
             self._draw_cell(i, identity, side)
         imgui.pop_style_var()
@@ -97,4 +110,5 @@ class Variations:
 
     def _vertices(self, identity: Identity) -> NDArray[np.float32]:
         session = self._head.context.session
-        return self._head.require_editor().preview(session.model, session.coefficients, identity)
+        editor, contact = self._head.require_editor(), session.document.contact
+        return editor.preview(session.model, session.coefficients, identity, contact)

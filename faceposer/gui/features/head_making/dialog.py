@@ -18,6 +18,7 @@ from faceposer.gui.widgets.modal import (
     modal_buttons,
     modal_entered,
     modal_escaped,
+    modal_room,
     modal_title,
 )
 from faceposer.gui.widgets.pictures import Picture
@@ -28,10 +29,12 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.character_file import load_character
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.head_making.feature import HeadMakingFeature, Marked
+    from faceposer.gui.features.head_making.state import HeadMaking, Marked
 
 # Heights of pages with a picture and of the others.
 _WIDTH, _TALLEST, _LOW, _LABEL = 44.0, 48.0, 24.0, 7.0
+# Height of the window in font sizes below which no room is reserved for an error.
+_LOWEST = 20.0
 # Height of a page beside its picture.
 _AROUND = 14.0
 _BUTTONS = {
@@ -46,11 +49,13 @@ _REACH = 0.9
 class HeadDialog:
     """The dialog."""
 
-    def __init__(self, head: "HeadMakingFeature[Any, Any]") -> None:
+    def __init__(self, head: "HeadMaking[Any, Any]") -> None:
         """Show the state of ``head``."""
         self._head = head
         self._picture = Picture()
         self._dragged: str | None = None
+        # Height in pixels that the dialog has had, below which it does not fall while it works.
+        self._height = 0.0
 
     @property
     def _prefix(self) -> str:
@@ -69,8 +74,9 @@ class HeadDialog:
     def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the current page; ``draw_above`` draws the dialogs above it."""
         head = self._head
-        pictures = head.job is None and head.page != "form"
-        with modal(f"##{self._prefix}", _WIDTH, _TALLEST if pictures else _LOW) as shown:
+        pictures = head.page not in ("form", "finding")
+        least = 0.0 if head.page == "form" else self._height
+        with modal(f"##{self._prefix}", _WIDTH, _TALLEST if pictures else _LOW, least) as shown:
             if not shown:
                 draw_above()
                 return
@@ -78,6 +84,7 @@ class HeadDialog:
                 self._draw_progress()
             else:
                 self._draw_page()
+            self._height = imgui.get_window_height()
             if not head.open:
                 imgui.close_current_popup()
             draw_above()
@@ -96,9 +103,14 @@ class HeadDialog:
         titles = {"form": made, "landmarks": "Landmarks", "result": made}
         buttons = _BUTTONS[page]
         modal_title(head.context.fonts, titles[page])
-        with modal_body(buttons, below=2.0 * imgui.get_text_line_height_with_spacing()):
+        # Room for an error of two lines is reserved, so that nothing jumps when it appears, unless the window is low.
+        lines = 2.0 if modal_room() > _LOWEST else 0.0
+        wrap = imgui.get_content_region_avail().x
+        tall = imgui.calc_text_size(displayed(head.error), wrap_width=wrap).y if head.error else 0.0
+        reserved = max(tall, lines * imgui.get_text_line_height()) + imgui.get_style().item_spacing.y
+        with modal_body(buttons, below=reserved):
             {"form": self._draw_form, "landmarks": self._draw_landmarks, "result": self._draw_result}[page]()
-        below = imgui.get_cursor_pos_y() + 2.0 * imgui.get_text_line_height_with_spacing()
+        below = imgui.get_cursor_pos_y() + reserved
         if head.error:
             imgui.push_style_color(imgui.Col_.text, BAD)
             wrapped_text(head.error)

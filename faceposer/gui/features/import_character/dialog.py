@@ -31,7 +31,7 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+    from faceposer.gui.features.import_character.state import ImportState
     from faceposer.training.kinds import Kind
 
 _WIDTH, _LABEL = 44.0, 8.4
@@ -75,7 +75,7 @@ _SOURCES = {
 class ImportDialog:
     """Pages of the dialog."""
 
-    def __init__(self, importing: "ImportCharacterFeature") -> None:
+    def __init__(self, importing: "ImportState") -> None:
         """Show the state of ``importing``."""
         self._importing = importing
 
@@ -96,7 +96,7 @@ class ImportDialog:
 
     # Form
 
-    def _draw_form(self, importing: "ImportCharacterFeature", has_keys: bool) -> None:
+    def _draw_form(self, importing: "ImportState", has_keys: bool) -> None:
         form, rects = importing.form, importing.context.widget_rects
         modal_title(importing.context.fonts, "Import character")
         # Room for an error of two lines is reserved, so that nothing jumps when it appears, unless the window is low.
@@ -122,7 +122,7 @@ class ImportDialog:
         elif pressed == "start":
             importing.start()
 
-    def _draw_entries(self, importing: "ImportCharacterFeature") -> None:
+    def _draw_entries(self, importing: "ImportState") -> None:
         """Draw the fields of the form."""
         form, rects = importing.form, importing.context.widget_rects
         self._draw_source(importing)
@@ -146,7 +146,7 @@ class ImportDialog:
             draw_advanced(rects, form, _LABEL)
             imgui.tree_pop()
 
-    def _draw_fields_of_kind(self, importing: "ImportCharacterFeature") -> None:
+    def _draw_fields_of_kind(self, importing: "ImportState") -> None:
         """Draw the fields of the chosen kind of source."""
         form, rects = importing.form, importing.context.widget_rects
         # The height is the same for all kinds, so that nothing jumps when another one is chosen.
@@ -165,7 +165,7 @@ class ImportDialog:
             self._draw_regions(rects, form)
         imgui.dummy((0.0, max(top + reserved - imgui.get_cursor_pos_y(), 0.0) + em(0.1)))
 
-    def _draw_source(self, importing: "ImportCharacterFeature") -> None:
+    def _draw_source(self, importing: "ImportState") -> None:
         tip = "File or folder to learn the character from. It can also be dropped onto the window."
         every = tuple(suffix for _, suffixes in _SOURCES.values() for suffix in suffixes)
         if imgui.is_window_appearing() and not importing.form.source:
@@ -183,7 +183,7 @@ class ImportDialog:
         )
         importing.set_source(source)
 
-    def _draw_captures(self, importing: "ImportCharacterFeature") -> None:
+    def _draw_captures(self, importing: "ImportState") -> None:
         """Draw the performances, each with a button that removes it, and a button that adds one."""
         tip = "Recordings of ARKit weights by Live Link Face or Face Cap, to learn the prior from"
         form, rects = importing.form, importing.context.widget_rects
@@ -238,7 +238,7 @@ class ImportDialog:
 
     # Progress
 
-    def _draw_progress(self, importing: "ImportCharacterFeature", _has_keys: bool) -> None:
+    def _draw_progress(self, importing: "ImportState", _has_keys: bool) -> None:
         training, context = importing.training, importing.context
         assert training is not None
         stage = "Stopping..." if training.cancelled else f"{training.stage}..."
@@ -248,7 +248,7 @@ class ImportDialog:
 
     # Summary
 
-    def _draw_summary(self, importing: "ImportCharacterFeature", has_keys: bool) -> None:
+    def _draw_summary(self, importing: "ImportState", has_keys: bool) -> None:
         assert importing.about is not None
         with modal_body(_SUMMARY_BUTTONS):
             draw_summary(importing.context.fonts, importing.context.widget_rects, importing.about)
@@ -273,7 +273,7 @@ def _text_row(rects: WidgetRects, key: str, label: str, value: str, tip: str) ->
 
 
 def _path_row(
-    importing: "ImportCharacterFeature",
+    importing: "ImportState",
     key: str,
     label: str,
     value: str,
@@ -320,7 +320,7 @@ def _path_row(
     return value
 
 
-def _start_folder(importing: "ImportCharacterFeature", near: str, purpose: Purpose = "open") -> Path:
+def _start_folder(importing: "ImportState", near: str, purpose: Purpose = "open") -> Path:
     """Return the path at which a file dialog opens: that of the field, or the last folder."""
     path = paths.expand_user(near.strip()) if near.strip() else None
     if path is not None and paths.can_enter(path.parent):

@@ -40,9 +40,9 @@ def build_keys_actions(keys: "KeyCommands") -> list[Action]:
             "Add key pose...",
             keys.ask_to_add,
             lambda: free() and keys.poses_side("source"),
-            "Add this pose of the source as a key; the target's pose is proposed",
+            "Add this pose of the source as a key pose; the target's pose is proposed",
         ),
-        command("compose", "Compose key poses", keys.compose, usable, "Combine each emotional with each verbal key"),
+        command("compose", "Compose key poses", keys.compose, usable, "Combine emotional with verbal key poses"),
         command(
             "importance-source",
             "Importance on source",
@@ -62,13 +62,13 @@ def build_keys_actions(keys: "KeyCommands") -> list[Action]:
             "Save key pose",
             keys.editing.save,
             lambda: free() and keys.editing.edited is not None,
-            "Save the key that is edited, which changes the clone",
+            "Save the key pose that is edited, which changes the clone",
         ),
         command(
             "back",
             "Back from key pose",
             keys.editing.back,
             lambda: free() and keys.editing.before is not None,
-            "Return to the session before the first key",
+            "Return to the session before the first key pose, as it was",
         ),
     ]

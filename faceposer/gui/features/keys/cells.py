@@ -5,18 +5,25 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
+from faceposer.gui.features.keys.adding import KIND_TITLES
 from faceposer.gui.widgets.basic import caption
 from faceposer.gui.widgets.text import shortened, widget_id
 from faceposer.gui.widgets.theme import ACCENT, FAINT, FIELD, INK, KEYED, RAISED_MORE, WARNING, Icon, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
-from faceposer.session.key_folder import SIDES, Side
+from faceposer.session.key_folder import COMPOSED, EXPRESSION, SIDES, VISEME, Side
 from faceposer.session.key_set import KeySet, ListedKey
 
 if TYPE_CHECKING:
     from faceposer.gui.features.keys.commands import KeyCommands
 
 # Width of a picture, gap between pairs, height of the bar, in units of the font size.
-_PICTURE, _GAP, _BAR = 4.7, 0.7, 0.22
+_PICTURE, _GAP, _BAR = 6.2, 0.7, 0.22
+_KIND_NOTES = {
+    EXPRESSION: "Emotional key pose",
+    VISEME: "Verbal key pose",
+    COMPOSED: "Composed of an emotional and a verbal key pose",
+    "": "Neither emotional nor verbal: no part in compositions",
+}
 
 
 class KeyCells:
@@ -30,7 +37,8 @@ class KeyCells:
         """Draw the pairs, with ``strengths`` of the keys in the present pose by name."""
         listed = self._keys.listed()
         if not listed:
-            caption("There are no keys of this kind." if keys.keys else "The folder has no keys; add the present pose.")
+            text = "There are no key poses of this kind." if keys.keys else "The folder is empty; add the present pose."
+            caption(text)
             return
         side, gap = round(em(_PICTURE)), round(em(_GAP))
         room = imgui.get_window_width() - imgui.get_style().scrollbar_size
@@ -40,6 +48,10 @@ class KeyCells:
         for i, key in enumerate(listed):
             if i % columns:
                 imgui.same_line()
+            if key.name == self._keys.sought and not self._keys.opened.reading:
+                self._keys.sought = ""
+                _show(imgui.get_cursor_pos_y(), size.y)
+                self._keys.context.redraw()
             # Hundreds of pairs beyond the edge of the list would slow every frame down.
             if not imgui.is_rect_visible(size):
                 imgui.dummy(size)
@@ -63,7 +75,8 @@ class KeyCells:
         draw = imgui.get_window_draw_list()
         name = shortened(key.title, width)
         edited = self._keys.editing.edited
-        colour = WARNING if key.problem else INK if edited and edited.name == key.name else FAINT
+        known = key.name == self._keys.latest or (edited is not None and edited.name == key.name)
+        colour = WARNING if key.problem else INK if known else FAINT
         across = imgui.calc_text_size(name).x
         draw.add_text((round(low.x + 0.5 * (width - across)), round(low.y + em(_BAR + 0.1))), u32(colour), name)
         if strength is not None:
@@ -111,8 +124,10 @@ class KeyCells:
             lines = [key.problem]
         elif one == "target" and key.proposed:
             lines.append("Proposed by a transfer, and not edited yet")
+        lines.append(_KIND_NOTES[key.kind])
         if strength is not None:
-            lines.append(f"Weight in the present pose: {strength:.2f}")
+            # Adding 0 makes -0 positive.
+            lines.append(f"Weight in the present pose: {round(strength, 2) + 0.0:.2f}")
         return "\n".join(lines)
 
     def _draw_menu(self, key: ListedKey, one: Side) -> None:
@@ -141,7 +156,24 @@ class KeyCells:
         for name, label, enabled, run in items:
             if name in ("replace-source", "remove"):
                 imgui.separator()
+            if name == "remove":
+                self._draw_kinds(key, free)
+                imgui.separator()
             if imgui.menu_item_simple(label, "", False, enabled):
                 run()
             feature.context.widget_rects.record(f"key-menu:{name}")
         imgui.end_popup()
+
+    def _draw_kinds(self, key: ListedKey, free: bool) -> None:
+        for kind, title in KIND_TITLES.items():
+            label = f"{title} key pose" if kind else "Neither emotional nor verbal"
+            if imgui.menu_item_simple(label, "", key.kind == kind, free and key.kind != COMPOSED):
+                self._keys.set_kind(key, kind)
+            self._keys.context.widget_rects.record(f"key-menu:kind:{kind or 'none'}")
+
+
+def _show(top: float, height: float) -> None:
+    """Scroll the list to the row at ``top`` of ``height``, unless it is visible."""
+    first, room = imgui.get_scroll_y(), imgui.get_window_height()
+    if not first <= top <= top + height <= first + room:
+        imgui.set_scroll_y(max(top + 0.5 * (height - room), 0.0))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.gui.context import EditorContext
+from faceposer.gui.features.keys.adding import AddingDialog
 from faceposer.gui.features.keys.covering import Covering
 from faceposer.gui.features.keys.creation import CreationDialog
 from faceposer.gui.features.keys.editing import KeyEditing
@@ -17,14 +18,14 @@ from faceposer.gui.features.keys.importance import ImportanceDialog, drawn_impor
 from faceposer.gui.features.keys.open_keys import OpenKeys
 from faceposer.gui.features.keys.work import KeyWork
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.dialogs import Choice, Question, TextQuestion
+from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.poses.applying import pose_of
-from faceposer.poses.pose_file import Pose, checked_name
 from faceposer.progress import Progress
 from faceposer.session.key_compositions import compose_keys
 from faceposer.session.key_edits import add_key_pose, propose_again, save_key
 from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFolder, Side
+from faceposer.session.key_kinds import set_kind
 from faceposer.session.key_proposals import Proposal, create_keys
 from faceposer.session.key_set import ListedKey
 from faceposer.transfer.key_parameters import Regions
@@ -44,6 +45,9 @@ class KeyCommands:
         faces: Pictures of both faces.
         creation: Dialog for a new folder.
         importance: Dialog with the importance of the vertices for speech.
+        adding: Dialog that adds the present pose.
+        latest: Name of the key that was added or changed last, or "".
+        sought: Name of the key to which the list has to scroll, or "".
         shown: True while the strip is shown.
         kind: Kind of the keys that are listed, or "" for all.
         work: Work in the background.
@@ -57,8 +61,10 @@ class KeyCommands:
         self.faces = KeyFaces(context)
         self.creation = CreationDialog(context, self._create)
         self.importance = ImportanceDialog(context)
+        self.adding = AddingDialog(context, self._add)
         self.shown = False
         self.kind = ""
+        self.latest = self.sought = ""
         self.work = KeyWork(context, self.opened.read)
         self._created: Callable[[], object] = lambda: None
 
@@ -75,7 +81,9 @@ class KeyCommands:
         """Ask for a folder of keys."""
         folder = self.opened.folder
         start = last_folder(self.context.settings) if folder is None else folder.parent
-        self.context.ask_for_file(FileRequest("folder", "Open folder of keys", "Keys", (), start, self.opened.open))
+        self.context.ask_for_file(
+            FileRequest("folder", "Open folder of key poses", "Key poses", (), start, self.opened.open)
+        )
 
     def ask_for_new(self, to: str = "", done: Callable[[], object] = lambda: None) -> None:
         """Ask for the target, ``to`` at first, and the place of a new folder; ``done`` is called at the end."""
@@ -88,9 +96,9 @@ class KeyCommands:
 
         def created(keys: KeyFolder) -> None:
             self.opened.open(keys.folder)
-            self._created()
 
-        self.work.run("New key poses", "The keys were not created", work, created)
+        # The dialog that asked for them comes back in any case.
+        self.work.run("New key poses", "The key poses were not created", work, created, self._created)
 
     def set_regions(self, regions: Regions) -> None:
         """Clone ``regions`` of the face separately, in the description of the folder."""
@@ -106,12 +114,6 @@ class KeyCommands:
         keys = () if self.opened.keys is None else self.opened.keys.keys
         chosen = [key for key in keys if not self.kind or key.kind == self.kind]
         return sorted(chosen, key=lambda key: _ORDER.index(key.kind))
-
-    @property
-    def poses_source(self) -> bool:
-        """True if the session poses the source of the keys."""
-        keys = self.opened.keys
-        return keys is not None and keys.is_of("source", self.context.session.model)
 
     def poses_side(self, side: Side) -> bool:
         """Return True if the session poses the character of this side."""
@@ -131,31 +133,38 @@ class KeyCommands:
         return keys.source_poses(session.model, session.coefficients[None])[0]
 
     def ask_to_add(self) -> None:
-        """Ask for a name and add the present pose of the source."""
-        self.context.toolbox.finish()
+        """Ask for name and kind, and add the present pose of the source."""
         keys = self.opened.keys
+        if keys is not None:
+            self.adding.show({key.name: key.title for key in keys.keys}, not keys.folder.is_mesh)
+
+    def _add(self, name: str, kind: str, replaces: bool) -> None:
+        keys, session = self.opened.keys, self.context.session
         if keys is None:
             return
-        taken = {key.name for key in keys.keys}
-        name = next(
-            name for i in range(1, len(taken) + 2) if (name := f"Key {i}").replace(" ", "-").lower() not in taken
-        )
+        session.wait()
+        folder, pose = keys.folder, pose_of(session.model, session.coefficients, name, (kind,) if kind else ())
 
-        def add(name: str) -> None:
-            session = self.context.session
-            session.wait()
-            pose = pose_of(session.model, session.coefficients, checked_name(name))
-            self._add(keys.folder, pose)
+        def added(stem: str) -> None:
+            self.latest = self.sought = stem
+            if self.kind not in ("", kind):
+                self.kind = ""
+            self.context.notify(f"{'Replaced' if replaces else 'Added'} the key pose {pose.name}")
 
-        self.context.dialogs.ask(TextQuestion("Add key pose", name, "Add", add))
-
-    def _add(self, folder: KeyFolder, pose: Pose) -> None:
         self.work.run(
             "Add key pose",
-            "The key was not added",
-            lambda progress: add_key_pose(folder, pose, progress=progress),
-            lambda _: self.context.notify(f"Added the key {pose.name}"),
+            "The key pose was not added",
+            lambda progress: add_key_pose(folder, pose, replaces, progress=progress),
+            added,
         )
+
+    def set_kind(self, key: ListedKey, kind: str) -> None:
+        """Make ``key`` emotional ("expression"), verbal ("viseme") or neither ("")."""
+        keys = self.opened.keys
+        if keys is not None and key.kind != kind:
+            self._try(lambda: set_kind(keys.folder, key.name, kind), "The kind was not changed")
+            self.latest = self.sought = key.name
+            self.opened.read()
 
     def replace_side(self, key: ListedKey, side: Side) -> None:
         """Replace one side of ``key`` by the present pose."""
@@ -168,20 +177,40 @@ class KeyCommands:
             save_key(keys.folder, key.name, side, session.model, session.coefficients)
             self.context.notify(f"Replaced the {side} of {key.title}")
 
-        self._try(write, "The key was not replaced")
-        self.opened.read()
+        def replace() -> None:
+            self._try(write, "The key pose was not replaced")
+            self.opened.read()
+
+        self._ask_to_overwrite(key, side, replace)
 
     def propose(self, key: ListedKey) -> None:
         """Propose the target's pose of ``key`` again."""
         keys = self.opened.keys
-        if keys is not None:
-            folder = keys.folder
+        if keys is None:
+            return
+        folder = keys.folder
+
+        def propose() -> None:
             self.work.run(
                 "Propose key pose",
                 "Nothing was proposed",
                 lambda progress: propose_again(folder, key.name),
                 lambda _: self.context.notify(f"Proposed the target of {key.title}"),
             )
+
+        self._ask_to_overwrite(key, "target", propose)
+
+    def _ask_to_overwrite(self, key: ListedKey, side: Side, proceed: Callable[[], None]) -> None:
+        """Ask before one side of ``key`` is lost, unless there is none, or only a proposal."""
+        path = key.files.source if side == "source" else key.files.target
+        is_mesh = path is not None and path.suffix.lower() != ".json"
+        # Meshes are refused without a question.
+        if path is None or is_mesh or (side == "target" and key.proposed):
+            proceed()
+            return
+        text = "Its present pose is lost. This cannot be undone."
+        choices = (Choice("Replace", proceed), Choice("Cancel"))
+        self.context.dialogs.ask(Question(f"Replace the {side} of {key.title}?", text, choices, default=1))
 
     def ask_to_remove(self, key: ListedKey) -> None:
         """Ask whether to remove ``key``."""
@@ -190,12 +219,12 @@ class KeyCommands:
             return
 
         def remove() -> None:
-            self._try(lambda: keys.folder.remove(key.name), "The key was not removed")
+            self._try(lambda: keys.folder.remove(key.name), "The key pose was not removed")
             self.opened.read()
 
         text = "The files of both sides are deleted. This cannot be undone."
         choices = (Choice("Remove", remove), Choice("Cancel"))
-        self.context.dialogs.ask(Question(f"Remove the key {key.title}?", text, choices, default=1))
+        self.context.dialogs.ask(Question(f"Remove the key pose {key.title}?", text, choices, default=1))
 
     # All keys
 
@@ -206,10 +235,11 @@ class KeyCommands:
             folder = keys.folder
             self.work.run(
                 "Compose key poses",
-                "The keys were not composed",
+                "The key poses were not composed",
                 lambda progress: compose_keys(folder, progress=progress),
                 lambda report: self.context.notify(
-                    f"Composed {counted(report.composed, 'key')}; {report.keys} with the neutral face"
+                    f"Composed {counted(report.composed, 'key pose')}; {report.keys} with the neutral face"
+                    + (f"; kept {report.kept} that you changed" if report.kept else "")
                 ),
             )
 

@@ -101,7 +101,7 @@ class CreationDialog:
             rects.record("keys-new:file")
             tooltip("Choose a character file, or the neutral mesh of a character without shapes")
             if self.is_mesh:
-                caption("The target is a mesh without shapes: sculpt a mesh for each key in another program.")
+                caption("The target is a mesh without shapes: sculpt a mesh for each key pose in another program.")
             else:
                 row_label("Propose by", "How poses that the target lacks are proposed", _LABEL)
                 index = choice(rects, "keys-new:proposal", _LABELS, _PROPOSALS.index(self.proposal), _TIPS)
@@ -142,4 +142,6 @@ class CreationDialog:
 
         name = f"{Path(source).stem}-{Path(self.to).stem}-keys"
         place = last_folder(self._context.settings) / name
-        self._context.ask_for_file(FileRequest("new folder", "New folder of keys", "Keys", SUFFIXES, place, chosen))
+        self._context.ask_for_file(
+            FileRequest("new folder", "New folder of key poses", "Key poses", SUFFIXES, place, chosen)
+        )

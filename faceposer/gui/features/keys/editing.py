@@ -14,6 +14,7 @@ from faceposer.session.key_set import ListedKey
 from faceposer.session.opening import session_for
 from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
+from faceposer.transfer.source_heads import is_same_rig, on_character
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,10 @@ class KeyEditing:
         return self._before if self.edited is not None else None
 
     def edit(self, key: ListedKey, side: Side) -> None:
-        """Show one side of ``key`` for editing, after questions about unsaved changes."""
+        """Show one side of ``key`` for editing, after a question about changes of another key.
+
+        The session before the first key is put aside with its history and its unsaved changes.
+        """
         keys = self._opened.keys
         edited = self.edited
         if self._context.busy or keys is None or (edited and (edited.name, edited.side) == (key.name, side)):
@@ -75,22 +79,28 @@ class KeyEditing:
             self._leave(lambda: self._open(keys.folder, key, side))
 
     def _refuse(self, reason: str) -> None:
-        self._context.dialogs.report("The key cannot be edited here", reason)
+        self._context.dialogs.report("The key pose cannot be edited here", reason)
 
     def _open(self, folder: KeyFolder, key: ListedKey, side: Side) -> None:
         context = self._context
         before = context.session if self.edited is None else self._before
+        keys = self._opened.keys
+        listed = None if keys is None else keys.models[side]
 
         def opening(worker: Worker) -> Session:
             document = Document(folder.character(side))
             session = session_for(document, None, worker)
             pose = key.poses[side]
-            if pose is not None:
+            if pose is not None and listed is not None:
+                # The character may have been made anew since the keys were read.
+                if not is_same_rig(listed, session.model):
+                    raise FacePoserError(f"The character '{document.character}' has changed; try again.")
+                pose = on_character(session.model, listed, pose[None])[0]
                 document = session.document.with_start(pose).posed(pose)
                 session = Session(session.base_model, document, worker)
             return session
 
-        if context.show_session(opening, "The key cannot be edited"):
+        if context.show_session(opening, "The key pose cannot be edited"):
             self._edited = Edited(folder, key.name, key.title, side, context.session)
             self._before = before
             context.notify(f"Editing the {side} of {key.title}")
@@ -109,16 +119,31 @@ class KeyEditing:
             session.wait()
             save_key(edited.folder, edited.name, edited.side, session.model, session.coefficients)
         except FacePoserError as error:
-            context.dialogs.report("The key was not saved", str(error))
+            context.dialogs.report("The key pose was not saved", str(error))
             return False
         session.mark_saved()
-        context.notify(f"Saved the key {edited.title}")
+        context.notify(f"Saved the key pose {edited.title}")
         self._opened.read()
         return True
 
     def back(self) -> None:
         """Return to the session before the first key, with its history."""
         self._leave(self._restore)
+
+    def leave(self, proceed: Callable[[], None]) -> bool:
+        """Ask about the key, then about the session that was put aside; return False if no key is edited."""
+        if self.edited is None:
+            return False
+
+        def ask_about_session() -> None:
+            if self._before is not None and self._before.dirty:
+                self._restore()
+                self._context.guard_changes(proceed)
+            else:
+                proceed()
+
+        self._leave(ask_about_session)
+        return True
 
     def _restore(self) -> None:
         before = self._before
@@ -134,14 +159,11 @@ class KeyEditing:
             self._edited = self._before = None
 
     def _leave(self, proceed: Callable[[], None]) -> None:
-        """Ask about unsaved changes of the key or the session, then call ``proceed`` unless the user cancels."""
+        """Ask about unsaved changes of the key, then call ``proceed`` unless the user cancels."""
         context, edited = self._context, self.edited
-        if edited is None:
-            context.guard_changes(proceed)
-            return
         context.toolbox.finish()
         context.slider_edit.let_go()
-        if not context.session.dirty:
+        if edited is None or not context.session.dirty:
             proceed()
             return
 
@@ -150,5 +172,5 @@ class KeyEditing:
                 proceed()
 
         choices = (Choice("Save", save), Choice("Don't save", proceed), Choice("Cancel"))
-        text = "Changes of the key will be lost unless you save them."
-        context.dialogs.ask(Question(f"Save the key {edited.title}?", text, choices))
+        text = "Changes of the key pose will be lost unless you save them."
+        context.dialogs.ask(Question(f"Save the key pose {edited.title}?", text, choices))

@@ -16,7 +16,7 @@ _SAMPLES = 4
 
 
 class KeyFaces:
-    """Scenes and thumbnails of source and target; they take memory on the GPU only while they are needed."""
+    """Scenes and thumbnails of source and target, which take memory on the GPU until they are released."""
 
     def __init__(self, context: EditorContext) -> None:
         """Draw in the window of ``context``."""

@@ -1,6 +1,6 @@
 """The strip of key poses in the window."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
@@ -26,12 +26,12 @@ class KeysFeature(KeyCommands, Feature):
         """Seconds for which the loop may sleep."""
         if self.shown and self.faces.waiting and not self.context.toolbox.active:
             return 0.0
-        return 0.1 if self.work.busy or self.opened.reading else super().patience
+        return 0.1 if self.work.busy or self.opened.reading or self.covering.busy else super().patience
 
     @property
     def is_modal(self) -> bool:
         """True while a dialog is shown."""
-        return self.creation.open or self.importance.open or self.work.busy
+        return self.creation.open or self.adding.open or self.importance.open or self.work.busy
 
     @property
     def blocks_files(self) -> bool:
@@ -46,6 +46,10 @@ class KeysFeature(KeyCommands, Feature):
         return Question(
             "Cancel the work and quit?", "Key poses are being written.", (Choice("Quit"), Choice("Continue")), default=1
         )
+
+    def leave(self, proceed: Callable[[], None]) -> bool:
+        """Ask about the edited key and the session that was put aside for it."""
+        return self.editing.leave(proceed)
 
     @property
     def strip_height(self) -> float:
@@ -77,10 +81,13 @@ class KeysFeature(KeyCommands, Feature):
         """
         self.opened.update()
         self.work.update()
-        if self.shown:
-            self.opened.read_changes()
-            if not self.context.toolbox.active:
-                self.faces.draw_next()
+        self.covering.update()
+        if not self.shown:
+            self.faces.release()
+            return
+        self.opened.read_changes()
+        if not self.context.toolbox.active:
+            self.faces.draw_next()
 
     def draw_strip(self) -> None:
         """Draw the strip."""
@@ -92,12 +99,14 @@ class KeysFeature(KeyCommands, Feature):
             self.work.draw()
             return
         self.creation.draw()
+        self.adding.draw()
         self.importance.draw()
 
     def close(self) -> None:
         """Cancel the work and release pictures."""
         self.work.cancel()
         self.opened.close()
+        self.covering.forget()
         self.faces.release()
         self.importance.release()
 
@@ -105,3 +114,4 @@ class KeysFeature(KeyCommands, Feature):
         """Wait until the cancelled work has ended."""
         self.work.join()
         self.opened.join()
+        self.covering.join()

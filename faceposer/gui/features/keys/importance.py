@@ -14,7 +14,7 @@ from faceposer.session.key_folder import KeyFolder, Side
 
 _WIDTH = 58.0
 _BUTTONS = (("close", "Close"),)
-_TITLES = ("Verbal keys", "Emotional keys", "Combined")
+_TITLES = ("Verbal key poses", "Emotional key poses", "Combined")
 
 
 def drawn_importance(folder: KeyFolder, side: Side, progress: Progress) -> NDArray[np.uint8]:
@@ -67,8 +67,8 @@ class ImportanceDialog:
             with modal_body(_BUTTONS):
                 self._draw_picture(self.picture)
                 caption(
-                    "Brighter places move more in verbal or emotional keys; where the combined importance is bright, "
-                    "composed keys keep the motion of speech, elsewhere that of the emotion."
+                    "Brighter places move more in verbal or emotional key poses. Where the combined one is bright, "
+                    "composed key poses keep the motion of speech, elsewhere that of the emotion."
                 )
             pressed = modal_buttons(context.widget_rects, "keys-importance", _BUTTONS)
             if pressed or modal_escaped() or modal_entered():

@@ -5,8 +5,10 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.gui.context import EditorContext
+from faceposer.gui.features.keys.work import NO_MEMORY
+from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
-from faceposer.session.key_set import KeySet, read_key_set, stamp_of
+from faceposer.session.key_set import KeySet, Stamp, read_key_set, stamp_of
 
 # Seconds between two looks at the files.
 _LOOK_EVERY = 1.0
@@ -30,6 +32,8 @@ class OpenKeys:
         self._job: ThreadJob[KeySet] | None = None
         self._again = False
         self._looked = -_LOOK_EVERY
+        # The files as they were when they were read last, or could not be read.
+        self._stamp: Stamp = ()
 
     @property
     def reading(self) -> bool:
@@ -60,9 +64,14 @@ class OpenKeys:
         if self._job is not None:
             self._again = True
             return
-        folder = self.folder
+        folder, last = self.folder, self.keys
         self._again = False
-        self._job = ThreadJob(lambda progress: read_key_set(folder, progress), self._context.wake)
+
+        def work(progress: Progress) -> KeySet:
+            self._stamp = stamp_of(folder)
+            return read_key_set(folder, progress, last)
+
+        self._job = ThreadJob(work, self._context.wake)
         self._context.redraw()
 
     def read_changes(self) -> None:
@@ -71,7 +80,7 @@ class OpenKeys:
         if self.folder is None or self.reading or now - self._looked < _LOOK_EVERY:
             return
         self._looked = now
-        if self.keys is not None and stamp_of(self.folder) != self.keys.stamp:
+        if stamp_of(self.folder) != self._stamp:
             self.read()
 
     def update(self) -> None:
@@ -90,6 +99,8 @@ class OpenKeys:
             return
         if isinstance(job.error, FacePoserError):
             self.keys, self.error = None, str(job.error)
+        elif isinstance(job.error, MemoryError):
+            self.keys, self.error = None, NO_MEMORY
         elif job.error is not None:
             raise job.error
         elif job.result is not None:

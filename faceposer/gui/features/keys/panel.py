@@ -6,7 +6,9 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 from numpy.typing import NDArray
 
+from faceposer.errors import counted
 from faceposer.gui.features.keys.cells import KeyCells
+from faceposer.gui.features.keys.covering import GRAPH, Covered
 from faceposer.gui.widgets.basic import action_button, caption
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT, FAINT, WARNING, Icon, em
@@ -21,14 +23,19 @@ if TYPE_CHECKING:
 
 _PAD = 0.45
 # Height of the list of pairs, and width of the present pose with its clone, in units of the font size.
-_LIST, _LIVE = 13.6, 13.4
+_LIST, _LIVE = 15.6, 13.4
+_LOW_LIST = 8.2
+# Heights of the window from which there are two rows of pairs: without a timeline, and what that needs besides.
+_ROOM, _ROOM_OF_TIMELINE = 40.0, 16.0
 # Width of the strip below which the present pose is left out.
 _NARROW = 40.0
+# Width of the button that goes to a frame.
+_BEST = 9.5
 _KINDS = (
-    ("", "All keys"),
-    (EXPRESSION, "Expressions"),
-    (VISEME, "Visemes"),
-    (COMPOSED, "Composed keys"),
+    ("", "Show all key poses"),
+    (EXPRESSION, "Show emotional key poses"),
+    (VISEME, "Show verbal key poses"),
+    (COMPOSED, "Show composed key poses"),
 )
 _REGION_LABELS = {"whole": "Clone the whole face", "halves": "Clone upper and lower half", "parts": "Clone parts"}
 
@@ -49,53 +56,67 @@ class KeysPanel:
         if keys is None:
             return round(rows + 2.0 * imgui.get_text_line_height_with_spacing() + em(_PAD))
         if self._keys.covering.of_animation(keys) is not None:
-            rows += imgui.get_frame_height() + em(_PAD)
-        return round(rows + em(_LIST) + em(_PAD))
+            rows += em(GRAPH)
+        return round(rows + em(self._list_height) + em(_PAD))
+
+    @property
+    def _list_height(self) -> float:
+        """Height of the list in units of the font size: two rows of pairs, or one where the view needs the room."""
+        keys = self._keys.opened.keys
+        covered = keys is not None and self._keys.covering.of_animation(keys) is not None
+        enough = _ROOM + (_ROOM_OF_TIMELINE if covered else 0.0)
+        return _LIST if imgui.get_main_viewport().size.y > em(enough) else _LOW_LIST
 
     def draw(self) -> None:
         """Draw the strip into the current window."""
         feature, pad = self._keys, em(_PAD)
-        imgui.set_cursor_pos(ImVec2(em(0.6), pad))
+        keys = feature.opened.keys
+        covered = None if keys is None else feature.covering.of_animation(keys)
+        if covered is not None:
+            imgui.set_cursor_pos(ImVec2(0.0, 0.0))
+            feature.covering.draw(covered)
+        imgui.set_cursor_pos(ImVec2(em(0.6), pad + (0.0 if covered is None else em(GRAPH))))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(em(0.4), pad))
         imgui.begin_child("##keys-content", ImVec2(-em(0.6), -1.0))
-        self._draw_head()
-        keys = feature.opened.keys
+        self._draw_head(covered)
         if keys is None:
             self._draw_empty()
         else:
             feature.faces.show(keys)
-            covered = feature.covering.of_animation(keys)
-            if covered is not None:
-                feature.covering.draw(covered, keys)
             self._draw_pairs(keys)
         imgui.end_child()
         imgui.pop_style_var()
 
     # Commands
 
-    def _draw_head(self) -> None:
+    def _draw_head(self, covered: Covered | None) -> None:
         feature = self._keys
         context, rects = feature.context, feature.context.widget_rects
         room = imgui.get_content_region_avail().x
         right = imgui.get_cursor_pos_x() + room
-        if imgui.button(f"Keys {Icon.LIST}##keys-menu", (em(5.0), 0.0)):
+        if imgui.button(f"Key poses {Icon.LIST}##keys-menu", (em(7.2), 0.0)):
             imgui.open_popup("##keys-menu-list")
         rects.record("keys:menu")
-        tooltip("Folder of key poses, and commands for all keys")
+        tooltip("Folder of key poses, and commands for all of them")
         self._draw_menu()
         for name, label, width in (("keys-add", "Add...", 4.6), ("keys-compose", "Compose", 5.6)):
             imgui.same_line()
             action_button(rects, context.actions[name], em(width), label)
         imgui.same_line()
         edited = feature.editing.edited
-        # From the right: close, back, save.
-        buttons = [("keys-save", "Save key", 5.6), ("keys-back", "Back", 4.2)] if edited is not None else []
-        taken = sum(em(width + 0.4) for _, _, width in buttons) + em(1.8)
+        # From the right: close, back, save, or the frame that would help most.
+        buttons = [("keys-save", "Save key pose", 8.0), ("keys-back", "Back", 4.2)] if edited is not None else []
+        best = covered if edited is None else None
+        taken = sum(em(width + 0.4) for _, _, width in buttons) + em(1.8) + (em(_BEST + 0.4) if best else 0.0)
         imgui.align_text_to_frame_padding()
         self._draw_state(right - taken - imgui.get_cursor_pos_x() - em(0.8))
         imgui.same_line(right - taken)
         for name, label, width in buttons:
             action_button(rects, context.actions[name], em(width), label, strong=name == "keys-save")
+            imgui.same_line()
+        keys = feature.opened.keys
+        if best is not None and keys is not None:
+            feature.covering.button(best, keys, em(_BEST))
             imgui.same_line()
         if imgui.button(f"{Icon.CLOSE}##keys-close", (em(1.8), 0.0)):
             feature.toggle()
@@ -110,7 +131,7 @@ class KeysPanel:
             star = "*" if feature.editing.changed else ""
             imgui.text_colored(ImVec4(*ACCENT), shortened(f"Editing the {edited.side} of {edited.title}{star}", room))
         elif feature.opened.reading and keys is None:
-            imgui.text_colored(ImVec4(*FAINT), "Reading keys...")
+            imgui.text_colored(ImVec4(*FAINT), "Reading key poses...")
         elif keys is not None and (keys.problem or keys.notes):
             text = keys.problem or keys.notes
             imgui.text_colored(ImVec4(*WARNING), shortened(f"{Icon.WARNING}  {text}", room))
@@ -118,9 +139,9 @@ class KeysPanel:
         elif keys is not None:
             source, target = keys.models["source"], keys.models["target"]
             names = " to ".join(model.character.title for model in (source, target) if model is not None)
-            text = f"{names}: {len(keys.keys)} keys in {keys.folder.folder.name}"
+            text = f"{names}: {counted(len(keys.keys), 'key pose')} in {keys.folder.folder.name}"
             imgui.text_colored(ImVec4(*FAINT), shortened(text, room))
-            tooltip(str(keys.folder.folder))
+            tooltip(f"{text}\n{keys.folder.folder}")
         else:
             imgui.text_unformatted(" ")
 
@@ -200,11 +221,11 @@ class KeysPanel:
         assert target is not None
         feature.faces.draw_live("target", target, keys.transfer.pose(pose), side, steady)
         feature.context.widget_rects.record("keys:clone")
-        tooltip("Its clone by the keys")
+        tooltip("Its clone by the key poses")
         distance, sentence = reach_of(keys.transfer, pose)
         if sentence:
             imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
             imgui.text_wrapped(sentence)
             imgui.pop_style_color()
         else:
-            caption(f"The present pose and its clone; {10.0 * distance:.1f} mm from the keys.")
+            caption(f"The present pose and its clone; {10.0 * distance:.1f} mm from the key poses.")

@@ -10,6 +10,8 @@ from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
 
 _WIDTH = 28.0
+#: Report of a lack of memory.
+NO_MEMORY = "There is not enough memory for these key poses; use fewer of them, or smaller meshes."
 
 
 class KeyWork:
@@ -25,13 +27,21 @@ class KeyWork:
         self.job: ThreadJob[Any] | None = None
         self._title = self._failure = ""
         self._done: Callable[[Any], None] = lambda _: None
+        self._ended: Callable[[], object] = lambda: None
 
     @property
     def busy(self) -> bool:
         """True while a job runs."""
         return self.job is not None
 
-    def run(self, title: str, failure: str, work: Callable[[Progress], Any], done: Callable[[Any], None]) -> None:
+    def run(
+        self,
+        title: str,
+        failure: str,
+        work: Callable[[Progress], Any],
+        done: Callable[[Any], None],
+        ended: Callable[[], object] = lambda: None,
+    ) -> None:
         """Do ``work`` in the background, then call ``done`` with its result; do nothing while other work runs.
 
         Args:
@@ -39,9 +49,10 @@ class KeyWork:
             failure: Title of the report of its error.
             work: Function that returns the result.
             done: Called with the result.
+            ended: Called at the end, also after an error, or if the user cancelled.
         """
         if self.job is None:
-            self._title, self._failure, self._done = title, failure, done
+            self._title, self._failure, self._done, self._ended = title, failure, done, ended
             self.job = ThreadJob(work, self._context.wake, "Preparing")
             self._context.redraw()
 
@@ -63,10 +74,13 @@ class KeyWork:
         self._read()
         if isinstance(job.error, FacePoserError):
             self._context.dialogs.report(self._failure, str(job.error))
+        elif isinstance(job.error, MemoryError):
+            self._context.dialogs.report(self._failure, NO_MEMORY)
         elif job.error is not None:
             raise job.error
         elif not job.cancelled:
             self._done(job.result)
+        self._ended()
 
     def draw(self) -> None:
         """Draw the progress, unless another dialog is open above it."""

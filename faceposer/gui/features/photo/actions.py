@@ -1,14 +1,10 @@
 """Actions of photos in menus and on keys."""
 
-from typing import TYPE_CHECKING
-
 from faceposer.gui.actions import Action
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.photo.feature import PhotoFeature
+from faceposer.gui.features.photo.photos import Photos
 
 
-def photo_actions(photos: "PhotoFeature") -> tuple[Action, ...]:
+def photo_actions(photos: Photos) -> tuple[Action, ...]:
     """Return the actions of ``photos``."""
 
     def free() -> bool:

@@ -127,10 +127,11 @@ class PhotoFeature(Feature):
         # Files may have changed on disk.
         self.context.scene.photo = None
         self._release()
-        camera = self.context.viewport.camera
+        view, camera = self.context.viewport.view, self.context.viewport.camera
         matching = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.same_viewpoint(camera)]
         self.tool.active = matching[0] if matching else 0 if self.photos else None
-        self._framing_pending = bool(matching)
+        # A session that returns has its view already; that of a file can be orbited.
+        self._framing_pending = bool(matching) and not (isinstance(view, PictureView) and view.locked)
         problems = [problem for problem in map(_photo_problem, self.photos) if problem]
         if problems:
             more = f" {len(problems) - 1} more cannot be shown either." if len(problems) > 1 else ""

@@ -1,7 +1,6 @@
 """Tab of the photos: the list, the layers, the camera and the pins."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
@@ -10,6 +9,7 @@ from faceposer.errors import counted
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
+from faceposer.gui.features.photo.photos import Photos
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, wrapped_text
 from faceposer.gui.widgets.sliders import slider
 from faceposer.gui.widgets.text import shortened, widget_id, wrapped
@@ -21,13 +21,10 @@ from faceposer.photo.places import ALIGNING, guided
 from faceposer.photo.reading import focal_in_mm, focal_in_pixels
 from faceposer.solve.camera_fit import LEAST_POINTS
 
-if TYPE_CHECKING:
-    from faceposer.gui.features.photo.feature import PhotoFeature
-
 _FOCALS_MM = (12.0, 400.0)
 
 
-def draw_photo_tab(photos: "PhotoFeature") -> None:
+def draw_photo_tab(photos: Photos) -> None:
     """Draw the tab."""
     context = photos.context
     action_button(context.widget_rects, context.actions["photo-open"], -1.0, strong=not photos.photos)
@@ -58,7 +55,7 @@ def draw_photo_tab(photos: "PhotoFeature") -> None:
     _draw_pins(photos, photo)
 
 
-def _draw_row(photos: "PhotoFeature", index: int) -> bool:
+def _draw_row(photos: Photos, index: int) -> bool:
     """Draw a photo of the list; return True if it was removed."""
     context, photo = photos.context, photos.photos[index]
     row = imgui.get_frame_height()
@@ -85,7 +82,7 @@ def _draw_row(photos: "PhotoFeature", index: int) -> bool:
     return removed
 
 
-def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
+def _draw_layers(photos: Photos, photo: Photo) -> None:
     context = photos.context
     heading(context.fonts, "In the view")
     tips = ("Draw the photo behind the face", "Draw the photo in front of the face")
@@ -120,7 +117,7 @@ def _draw_layers(photos: "PhotoFeature", photo: Photo) -> None:
         action_button(context.widget_rects, context.actions["photo-look"], -1.0, strong=True)
 
 
-def _draw_camera(photos: "PhotoFeature", photo: Photo) -> None:
+def _draw_camera(photos: Photos, photo: Photo) -> None:
     context = photos.context
     heading(context.fonts, "Camera")
     residuals = residuals_px(photo, context.session.model, context.session.coefficients)
@@ -165,7 +162,7 @@ def _projected_height(context: EditorContext, photo: Photo) -> float:
     return photo.camera.focal / depth * character.height
 
 
-def _draw_pins(photos: "PhotoFeature", photo: Photo) -> None:
+def _draw_pins(photos: Photos, photo: Photo) -> None:
     context, tool = photos.context, photos.tool
     heading(context.fonts, "Pins")
     width = button_width(2)
@@ -203,7 +200,7 @@ def _posed(context: EditorContext, photo: Photo) -> bool:
     )
 
 
-def _draw_pin(photos: "PhotoFeature", photo: Photo, place: Place, residual: float | None) -> None:
+def _draw_pin(photos: Photos, photo: Photo, place: Place, residual: float | None) -> None:
     """Draw a place of the face in the list: pinned, next, or without a pin."""
     context, tool = photos.context, photos.tool
     index = photo.pin_of(place)

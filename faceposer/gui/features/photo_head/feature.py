@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from faceposer.gui.context import EditorContext
-from faceposer.gui.features.head_making.feature import HeadMakingFeature, Words
+from faceposer.gui.features.head_making.feature import HeadMakingFeature
+from faceposer.gui.features.head_making.state import Words
 from faceposer.gui.widgets.sliders import row_label, slider
 from faceposer.photo.reading import PHOTO_SUFFIXES
 from faceposer.progress import Progress
@@ -87,4 +88,4 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
                 self.context.session.mark_unsaved()
                 self.context.notify(f"Press {self.context.actions['frame'].shortcut} to zoom in on the head")
 
-        self.context.guard_changes(show)
+        show()

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from faceposer.geometry.camera import Camera
-from faceposer.gui.features.head_making.feature import MadeHead, file_stem
+from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.identity.photos.head_from_photos import HeadFromPhotos, head_from_photos
 from faceposer.landmarks.drawing import draw
 from faceposer.landmarks.feature_points import feature_pixels
 from faceposer.landmarks.painting import painted_character
+from faceposer.model.character_names import checked_title, file_stem
 from faceposer.photo.faces import FaceInPhoto, read_face, with_moved_features
 from faceposer.photo.photo import Photo, Pin
 from faceposer.progress import Progress
@@ -128,7 +129,7 @@ def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progr
         CancelledError: If the user has cancelled the work.
     """
     found = [one.with_landmarks() for one in marked]
-    shown = title or "Head"
+    shown = checked_title(title or "Head")
     made = head_from_photos(
         [one.face for one in found],
         [one.pixels for one in found],

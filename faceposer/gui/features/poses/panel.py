@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from imgui_bundle import ImVec2, imgui
 
+from faceposer.gui.features.poses.state import Category
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, toggle_button
 from faceposer.gui.widgets.sliders import reset_button, slider, slider_room
 from faceposer.gui.widgets.text import shortened, widget_id
@@ -16,9 +17,8 @@ from faceposer.poses.applying import GREATEST_STRENGTH, LEAST_STRENGTH, REGIONS,
 from faceposer.poses.library import Entry
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.poses.feature import PosesFeature
+    from faceposer.gui.features.poses.commands import PoseCommands
 
-Category = Literal["all", "expression", "viseme", "mine"]
 _Name = TypeVar("_Name", bound=str)
 
 _COLUMNS = 3
@@ -49,7 +49,7 @@ _BLENDS: tuple[tuple[Blend, str, str], ...] = (
 class PosesPanel:
     """Content of the tab."""
 
-    def __init__(self, poses: "PosesFeature") -> None:
+    def __init__(self, poses: "PoseCommands") -> None:
         """Show the state of ``poses``."""
         self._poses = poses
 

@@ -1,6 +1,7 @@
 """The pose of the library that was applied last, and the part of the face that poses affect."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from faceposer.poses.pose_file import Pose
 from faceposer.session.session import Session
 
 Array = NDArray[np.float64]
+Category = Literal["all", "expression", "viseme", "mine"]
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from faceposer.render.options import Backdrop, Look
 from faceposer.tools.tool import Navigation
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.preferences.feature import PreferencesFeature
+    from faceposer.gui.features.preferences.state import PreferencesState
 
 _WIDTH, _HEIGHT, _LABEL = 42.0, 26.0, 9.0
 _SCALES = (0.75, 1.0, 1.25, 1.5, 2.0)
@@ -37,7 +37,7 @@ _OTHERS = 9.2
 class PreferencesDialog:
     """Pages of the dialog."""
 
-    def __init__(self, preferences: "PreferencesFeature") -> None:
+    def __init__(self, preferences: "PreferencesState") -> None:
         """Show and change ``preferences``."""
         self._preferences = preferences
         self._filter = ""

@@ -8,8 +8,10 @@ from pathlib import Path
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
+from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.session.autosave import Journal, Orphan, autosave_dir, find_orphans, unusable
+from faceposer.session.session import Session
 
 
 class RecoveryFeature(Feature):
@@ -24,6 +26,8 @@ class RecoveryFeature(Feature):
         super().__init__(context)
         self.keeps = True
         self._journal: Journal | None = None
+        # Journal of the session that is put aside while a key pose is edited.
+        self._aside: Journal | None = None
         self._offers: list[Orphan] = []
         self._claimed: list[Orphan] = []
         self._failure_reported = False
@@ -75,6 +79,7 @@ class RecoveryFeature(Feature):
         if self._offers and not (context.dialogs.open or context.file_dialogs.open or context.is_modal or context.busy):
             self._offer(self._offers.pop(0))
         try:
+            self._keep_aside()
             self._journal.update(context.session, context.viewport.camera)
         except FacePoserError as error:
             # Writing is attempted again and again; the first failure is reported.
@@ -82,14 +87,37 @@ class RecoveryFeature(Feature):
                 self._failure_reported = True
                 context.dialogs.report("Unsaved work cannot be recovered after a crash", f"{error} Save often.")
 
+    @property
+    def _put_aside(self) -> Session | None:
+        """The session that is put aside while a key pose is edited, if it has unsaved changes."""
+        before = self.context.feature(KeysFeature).editing.before
+        return before if before is not None and before.dirty else None
+
+    def _keep_aside(self, at_once: bool = False) -> None:
+        """Write the journal of the session that is put aside, or remove it once that session has returned."""
+        session = self._put_aside
+        if session is None:
+            if self._aside is not None:
+                self._aside.close(keep=False)
+                self._aside = None
+            return
+        if self._aside is None:
+            assert self._journal is not None
+            self._aside = Journal(self._journal.folder, self._clock)
+        if at_once:
+            self._aside.flush(session)
+        else:
+            self._aside.update(session)
+
     def rescue(self) -> str:
         """Write the journal after a fatal error, and return what becomes of unsaved work, for its message."""
         session = self.context.session
-        if not session.dirty:
+        if not session.dirty and self._put_aside is None:
             return "no changes are lost."
         if self._journal is None:
             return "unsaved changes are lost."
         try:
+            self._keep_aside(at_once=True)
             self._journal.flush(session, self.context.viewport.camera)
         except FacePoserError as error:
             return f"your work could not be saved either: {error}"
@@ -103,8 +131,12 @@ class RecoveryFeature(Feature):
             return
         if self.keeps:
             with suppress(FacePoserError):
+                self._keep_aside(at_once=True)
+            with suppress(FacePoserError):
                 self._journal.flush(self.context.session, self.context.viewport.camera)
         self._journal.close(self.keeps)
+        if self._aside is not None:
+            self._aside.close(self.keeps)
 
     def _offer(self, orphan: Orphan) -> None:
         saved_at = f"{orphan.saved_at.astimezone():%Y-%m-%d %H:%M}"

@@ -5,7 +5,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from faceposer.geometry.mesh_io import MESH_SUFFIXES
-from faceposer.gui.features.head_making.feature import HeadMakingFeature, MadeHead, Words
+from faceposer.gui.features.head_making.feature import HeadMakingFeature
+from faceposer.gui.features.head_making.state import MadeHead, Words
 from faceposer.progress import Progress
 
 if TYPE_CHECKING:

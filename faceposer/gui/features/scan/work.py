@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import counted
 from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
-from faceposer.gui.features.head_making.feature import MadeHead, file_stem
-from faceposer.identity.character import character_of
+from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.identity.registration import align
 from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, read_scan, shipped_basis
 from faceposer.identity.scans.landmarks_file import implied_features
 from faceposer.identity.scans.pictures import distance_map
 from faceposer.identity.scans.scan import ScanLandmarks, find_scan_landmarks
+from faceposer.identity.scans.scanned_character import scanned_character
 from faceposer.landmarks.drawing import Drawing, draw
 from faceposer.landmarks.reference import reference
+from faceposer.model.character_names import checked_title, file_stem
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
@@ -132,9 +132,8 @@ def fit_head(marked: Sequence[MarkedScan], detail: bool, texture: bool, title: s
     scans = [one.with_landmarks() for one in marked]
     made = head_from_scans(scans, detail, texture, progress)
     progress.at("Making the character")
-    credits = f"Made from {counted(len(scans), 'scan')}: {', '.join(scan.name for scan in scans)}."
-    shown = title or "Head"
-    character = character_of(made.skin, name=file_stem(shown), title=shown, textures=made.textures, credits=credits)
+    shown = checked_title(title or "Head")
+    character = scanned_character(made, file_stem(shown), shown)
     report = made.report
     text = (
         f"Distance of the face from the scan: {report['surface_mm_median']:.2f} mm (median). Left the scan, middle the "

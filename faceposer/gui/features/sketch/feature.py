@@ -93,7 +93,7 @@ class SketchFeature(Feature):
 
     def draw_tool_options(self) -> None:
         """Draw the options of the tool."""
-        draw_sketch_options(self)
+        draw_sketch_options(self.context, self.tool, self.preparing)
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
         """Draw the names of the sketches, and the list of features if it is open."""

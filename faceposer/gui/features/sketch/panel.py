@@ -1,16 +1,14 @@
 """Options of the tool Sketch."""
 
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 from imgui_bundle import imgui
 
+from faceposer.gui.context import EditorContext
 from faceposer.gui.panels.details.sketch import draw_feature_list
 from faceposer.gui.widgets.basic import caption, choice, heading
 from faceposer.solve.constraints.sketch import SketchMethod
-from faceposer.tools.sketch_tool import UNNAMED, UNRECOGNISED
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.sketch.feature import SketchFeature
+from faceposer.tools.sketch_tool import UNNAMED, UNRECOGNISED, SketchTool
 
 _METHODS: tuple[SketchMethod, ...] = get_args(SketchMethod)
 _METHOD_TIPS = (
@@ -20,9 +18,8 @@ _METHOD_TIPS = (
 )
 
 
-def draw_sketch_options(feature: "SketchFeature") -> None:
-    """Draw the method of the pose, and the state of the last stroke."""
-    context, tool = feature.context, feature.tool
+def draw_sketch_options(context: EditorContext, tool: SketchTool, preparing: bool) -> None:
+    """Draw the method of the pose, and the state of the last stroke; ``preparing`` while there is no recogniser."""
     session = context.session
     heading(context.fonts, tool.label)
     before = _METHODS.index(session.document.sketch_method)
@@ -30,7 +27,7 @@ def draw_sketch_options(feature: "SketchFeature") -> None:
     chosen = choice(context.widget_rects, "sketch-method", labels, before, _METHOD_TIPS)
     if chosen != before and not context.busy:
         session.set_sketch_method(_METHODS[chosen])
-    if feature.preparing:
+    if preparing:
         caption("Preparing the recogniser for this character...")
     elif tool.unnamed:
         count = len(tool.unnamed)

@@ -20,6 +20,13 @@ _RULER, _KEYS = 1.5, 1.9
 _DRAG, _REACH, _SIZE = 3.0, 7.0, 6.0
 _FEWEST_FRAMES = 8.0
 _ZOOM = 1.2
+# Margin at both ends of the frames, in units of the font size.
+_MARGIN = 1.2
+
+
+def frames_span(left: float, width: float) -> tuple[float, float]:
+    """Return the left end and the width of the frames in a strip that begins at ``left`` and is ``width`` wide."""
+    return left + em(_MARGIN), max(width - 2.0 * em(_MARGIN), 1.0)
 
 
 def track_height() -> float:
@@ -67,7 +74,8 @@ class Track:
     # Coordinates
 
     @property
-    def _visible_range(self) -> tuple[float, float]:
+    def visible_range(self) -> tuple[float, float]:
+        """First and last visible frame."""
         if self._zoomed_range is not None:
             return self._zoomed_range
         keyframes = self._timeline.keyframes
@@ -76,12 +84,12 @@ class Track:
 
     def x_of(self, frame: float) -> float:
         """Return the x coordinate of ``frame`` in the window."""
-        low, high = self._visible_range
+        low, high = self.visible_range
         return self._left + (frame - low) / (high - low) * self._width
 
     def frame_at(self, x: float) -> float:
         """Return the frame at ``x`` in the window, not rounded."""
-        low, high = self._visible_range
+        low, high = self.visible_range
         return low + (x - self._left) / self._width * (high - low)
 
     def place(self, frame: int) -> tuple[float, float]:
@@ -102,9 +110,8 @@ class Track:
         flags = imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_middle
         imgui.invisible_button("##track", (max(width, 1.0), height), flags | imgui.ButtonFlags_.mouse_button_right)
         timeline.context.widget_rects.record("track")
-        margin = em(1.2)
-        self._left, self._top = corner.x + margin, corner.y
-        self._width = max(width - 2.0 * margin, 1.0)
+        self._left, self._width = frames_span(corner.x, width)
+        self._top = corner.y
         self._handle_mouse(scale)
         self._keep_playhead_visible()
         draw = imgui.get_window_draw_list()
@@ -124,7 +131,7 @@ class Track:
         draw.add_rect_filled(
             (max(first - em(0.6), left), ruler), (min(last + em(0.6), right), self._top + height), u32(INK, 0.06)
         )
-        low, high = self._visible_range
+        low, high = self.visible_range
         spacing = self._width / (high - low)
         step = next((step for step in _STEPS if step * spacing >= em(3.2)), _STEPS[-1])
         fine = next((small for small in _STEPS if small * spacing >= em(0.5) and step % small == 0), step)
@@ -153,7 +160,7 @@ class Track:
 
     def _draw_keys(self, draw: imgui.ImDrawList, scale: float) -> None:
         timeline = self._timeline
-        low, high = self._visible_range
+        low, high = self.visible_range
         spacing = self._width / (high - low)
         reach = _SIZE * scale / spacing
         frames = np.array(timeline.keyframes.frames, dtype=np.float64)
@@ -171,7 +178,7 @@ class Track:
     def _draw_diamonds(self, draw: imgui.ImDrawList, frames: Array, chosen: Bools, size: float, scale: float) -> None:
         """Draw keys at ``frames``, those that are ``chosen`` as selected; of keys that overlap, only some."""
         y = round(self.place(0)[1]) + 0.5
-        low, high = self._visible_range
+        low, high = self.visible_range
         spacing = self._width / (high - low)
         # Where keys overlap, one key per ``step`` pixels looks the same.
         step = max(round(size), 1) if spacing < size else 1
@@ -228,7 +235,7 @@ class Track:
         press = self._press
         if press is None or press.kind != "keys" or not self._dragged:
             return 0
-        low, high = self._visible_range
+        low, high = self.visible_range
         by = round((imgui.get_io().mouse_pos.x - press.x) * (high - low) / self._width)
         return max(by, -min(self._timeline.selected, default=0))
 
@@ -263,7 +270,7 @@ class Track:
         self._dragged = False
         frame = self._key_at(x, y, scale)
         if imgui.is_mouse_clicked(imgui.MouseButton_.middle.value):
-            self._set_press(_Press("pan", x, y, view=self._visible_range))
+            self._set_press(_Press("pan", x, y, view=self.visible_range))
         elif imgui.is_mouse_clicked(imgui.MouseButton_.right.value):
             if frame is not None and timeline.free:
                 timeline.delete(timeline.selected if frame in timeline.selected else {frame})
@@ -303,7 +310,7 @@ class Track:
         self._timeline.go_to(min(max(frame, 0), last))
 
     def _handle_wheel(self, turned: float, across: float, x: float) -> None:
-        low, high = self._visible_range
+        low, high = self.visible_range
         if turned and self._has_modifier("shift"):
             across, turned = turned, 0.0
         if turned:
@@ -317,7 +324,7 @@ class Track:
     def _set_visible_range(self, low: float, high: float, by: float) -> None:
         """Show the frames from ``low`` to ``high``, shifted by ``by``, or the whole animation if that is shorter."""
         self._zoomed_range, width = None, high - low
-        first, last = self._visible_range
+        first, last = self.visible_range
         if width >= last - first:
             return
         low = min(max(low + by, first), last - width)

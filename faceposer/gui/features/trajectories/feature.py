@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import imgui
@@ -17,6 +17,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.timeline.editor import counted
 from faceposer.gui.features.timeline.feature import TimelineFeature
+from faceposer.gui.features.trajectories.options import ShownTrajectories, TrajectoryOptions
 from faceposer.gui.features.trajectories.overlay import TrajectoryOverlay
 from faceposer.gui.features.trajectories.panel import draw_trajectory_options
 from faceposer.gui.widgets.modal import draw_job, modal
@@ -33,27 +34,9 @@ if TYPE_CHECKING:
     from faceposer.tools.trajectory_tool import DrawnTrajectory, TrajectoryTool
 
 Array = NDArray[np.float64]
-Timing = Literal["pen", "even"]
 
 # Seconds of a solve after which a dialog shows its progress.
 _DIALOG_AFTER = 0.3
-
-
-@dataclass
-class TrajectoryOptions:
-    """Options of drawn trajectories.
-
-    Attributes:
-        timing: "pen" to move at the speed of drawing, "even" to move at constant speed.
-        frames: Number of frames at constant speed, at least 2.
-        smoothness: Weight of changes of velocity.
-        few_keys: True to leave out keys that interpolation reproduces.
-    """
-
-    timing: Timing = "pen"
-    frames: int = 30
-    smoothness: float = 1.0
-    few_keys: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +110,10 @@ class TrajectoriesFeature(Feature):
         return self.context.toolbox.trajectory_tool
 
     @property
+    def _shown(self) -> ShownTrajectories:
+        return ShownTrajectories(self.tool, self.options, self.first, self.timeline.keyframes.rate, self.positions)
+
+    @property
     def is_modal(self) -> bool:
         """True while the dialog with the progress of a solve is shown."""
         return self.job is not None and self.job.seconds > _DIALOG_AFTER
@@ -157,7 +144,7 @@ class TrajectoriesFeature(Feature):
 
     def draw_tool_options(self) -> None:
         """Draw the options of drawn trajectories."""
-        draw_trajectory_options(self)
+        draw_trajectory_options(self.context, self._shown)
 
     def session_changed(self) -> None:
         """Cancel the solve, which belongs to another session."""
@@ -299,7 +286,7 @@ class TrajectoriesFeature(Feature):
     def draw_over(self, draw: imgui.ImDrawList) -> None:
         """Draw the trajectories, and the points that the tool snaps to."""
         if self.chosen and not self.context.comparing:
-            self._overlay.draw(draw, self)
+            self._overlay.draw(draw, self._shown)
 
     def draw_dialog(self) -> None:
         """Draw the progress of the solve, unless another dialog is open above it."""

@@ -1,18 +1,16 @@
 """Overlay of trajectories: the points that the tool snaps to, and each path with a dot at every frame."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
 from faceposer.gui.context import EditorContext
+from faceposer.gui.features.trajectories.options import ShownTrajectories
 from faceposer.gui.overlays.pins import draw_label
 from faceposer.gui.viewport import Pixel
 from faceposer.gui.widgets.theme import ACCENT, EDGE, INK, TARGET, Colour, u32
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 
 Array = NDArray[np.float64]
 # Least distance of two dots in pixels at normal density.
@@ -27,12 +25,12 @@ class TrajectoryOverlay:
         self._context = context
         self._candidates: tuple[object, dict[str, Pixel]] = (None, {})
 
-    def draw(self, draw: imgui.ImDrawList, feature: "TrajectoriesFeature") -> None:
-        """Draw the trajectories of ``feature``, and the points that its tool snaps to."""
-        context, tool = self._context, feature.tool
+    def draw(self, draw: imgui.ImDrawList, shown: ShownTrajectories) -> None:
+        """Draw the trajectories ``shown``, and the points that its tool snaps to."""
+        context, tool = self._context, shown.tool
         scale, origin = context.viewport.ui_scale, np.asarray(context.viewport.origin)
         playing = context.playing
-        elapsed = context.session.document.frame - feature.first
+        elapsed = context.session.document.frame - shown.first
         # At other frames a press goes to the first frame, where the points are elsewhere.
         if not tool.drawing and not playing and elapsed == 0 and tool.fits(context.viewport):
             self._draw_candidates(draw, origin, scale)
@@ -42,7 +40,7 @@ class TrajectoryOverlay:
                 continue
             _draw_path(draw, pixels + origin, scale, TARGET)
             zoom = context.viewport.camera.focal / drawn.camera.focal
-            frames = feature.positions(drawn) * zoom + (pixels[0] - drawn.pixels[0] * zoom) + origin
+            frames = shown.positions(drawn) * zoom + (pixels[0] - drawn.pixels[0] * zoom) + origin
             spacing = float(np.hypot(*np.diff(frames, axis=0).T).mean())
             step = max(round(_LEAST_SPACING * scale / max(spacing, 1e-3)), 1)
             for x, y in frames[::step].tolist():

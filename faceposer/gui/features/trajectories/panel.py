@@ -1,26 +1,21 @@
 """Options of drawn trajectories: timing, smoothness and number of keys."""
 
-from typing import TYPE_CHECKING
-
 from imgui_bundle import imgui
 
 from faceposer.animation.keyframes import TOLERANCE
+from faceposer.gui.context import EditorContext
+from faceposer.gui.features.trajectories.options import ShownTrajectories
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
 from faceposer.gui.widgets.sliders import row_label, slider
 from faceposer.gui.widgets.tooltips import tooltip
-
-if TYPE_CHECKING:
-    from faceposer.gui.features.trajectories.feature import TrajectoriesFeature
 
 _LARGEST_SMOOTHNESS = 100.0
 _MOST_FRAMES = 10_000
 
 
-def draw_trajectory_options(feature: "TrajectoriesFeature") -> None:
+def draw_trajectory_options(context: EditorContext, shown: ShownTrajectories) -> None:
     """Draw the options, and the buttons that follow or clear the trajectories."""
-    context = feature.context
-    options, tool = feature.options, feature.tool
-    rate = feature.timeline.keyframes.rate
+    options, tool, rate = shown.options, shown.tool, shown.rate
     tips = (
         "Move at the speed at which you draw. All points start at the same time.",
         "Move at constant speed over a number of frames.",
@@ -53,9 +48,9 @@ def draw_trajectory_options(feature: "TrajectoriesFeature") -> None:
     if not tool.drawn:
         caption("Press on a point of the face and draw its path. Add paths of other points, then choose Follow.")
         return
-    n_frames = max(len(feature.positions(drawn)) for drawn in tool.drawn)
+    n_frames = max(len(shown.positions(drawn)) for drawn in tool.drawn)
     count = "1 trajectory" if len(tool.drawn) == 1 else f"{len(tool.drawn)} trajectories"
-    caption(f"{count}, frames {feature.first + 1} to {feature.first + n_frames}")
+    caption(f"{count}, frames {shown.first + 1} to {shown.first + n_frames}")
     width = button_width(2)
     action_button(context.widget_rects, context.actions["follow"], width, "Follow", strong=True)
     imgui.same_line()

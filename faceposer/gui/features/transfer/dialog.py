@@ -23,9 +23,9 @@ from faceposer.transfer.pairs import PRESETS
 from faceposer.transfer.transfer import Method
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.transfer.feature import TransferFeature
+    from faceposer.gui.features.transfer.state import TransferState
 
-_FORM, _PREVIEW, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 4.6, 14.5, 4.2
+_FORM, _PREVIEW, _LABEL, _LIST, _NUMBER = 29.0, 12.6, 5.2, 14.5, 4.2
 _METHODS: tuple[Method, ...] = ("distances", "weights", "examples")
 _METHOD_LABELS = ("By distances", "By weights", "By examples")
 _METHOD_TIPS = (
@@ -44,7 +44,7 @@ _BUTTONS, _LEAST = (("open", "Transfer"), ("cancel", "Cancel")), 7.0
 class TransferDialog:
     """Content of the dialog."""
 
-    def __init__(self, state: "TransferFeature") -> None:
+    def __init__(self, state: "TransferState") -> None:
         """Show and change ``state``."""
         self._state = state
 

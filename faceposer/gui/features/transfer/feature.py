@@ -1,80 +1,21 @@
-"""Transfer of the pose to another character: the state of the dialog, and the result."""
-
-from dataclasses import replace
-from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+"""Transfer of the pose to another character: the entry of the menu, and the dialog."""
 
 from faceposer.errors import FacePoserError
-from faceposer.files import paths
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
-from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.transfer.dialog import TransferDialog
-from faceposer.model.face_model import FaceModel
-from faceposer.render.scene import Scene
-from faceposer.session.document import Document
-from faceposer.session.key_set import KeySet
-from faceposer.session.keys import check_characters
-from faceposer.session.opening import load_model, session_for
-from faceposer.session.session import Session
-from faceposer.session.solver_worker import Worker
-from faceposer.session.transferred import transferred
-from faceposer.transfer.key_coverage import reach_of
-from faceposer.transfer.pairs import DEFAULT_PAIRS, Pair, read_pairs, write_pairs
-from faceposer.transfer.terms import PairPoints
-from faceposer.transfer.transfer import Method, Transfer, make_transfer
-
-Array = NDArray[np.float64]
+from faceposer.gui.features.transfer.state import TransferState
+from faceposer.session.opening import load_model
+from faceposer.transfer.transfer import make_transfer
 
 
-class _ByKeys:
-    """Transfer by key poses from the source with any head."""
-
-    def __init__(self, keys: KeySet, source: FaceModel) -> None:
-        self._keys, self._source = keys, source
-
-    def pose(self, coefficients: Array, previous: Array | None = None) -> Array:
-        """Return the target's coefficients, shape (r',), for the source's, shape (r,); ``previous`` is not used."""
-        assert self._keys.transfer is not None
-        return self._keys.transfer.pose(self._keys.source_poses(self._source, coefficients[None])[0])
-
-
-class TransferFeature(Feature):
-    """State of the transfer dialog.
-
-    Attributes:
-        open: True while the dialog is shown.
-        to: Name or path of the target character.
-        method: Transfer method.
-        pairs: Distances to preserve, edited by the user.
-        reach: Distance of the pose from the keys by which it is transferred, and a remark, one sentence each, or "".
-        error: Reason why there is no result, one sentence, or "".
-        target: Model of the target character, or None if it cannot be loaded.
-        result: Pose of the target, shape (r,), or None.
-        added: Feature points of the pair that the button Add would add.
-        characters: Names and titles of the target characters.
-        lengths: Length of each pair on the source and on the target, None where it cannot be measured.
-    """
+class TransferFeature(TransferState, Feature):
+    """The dialog that transfers expressions."""
 
     def __init__(self, context: EditorContext) -> None:
-        """Serve ``context``."""
         super().__init__(context)
-        self.open = False
-        self.to = ""
-        self.method: Method = "distances"
-        self.pairs: tuple[Pair, ...] = DEFAULT_PAIRS
-        self.reach = ("", "")
-        self.error = ""
-        self.target: FaceModel | None = None
-        self.result: Array | None = None
-        self.added = ["8.3", "8.4"]
-        self.characters: list[tuple[str, str]] = []
-        self.lengths: tuple[list[float | None], list[float | None]] = ([], [])
-        self._last_input: object = None
-        self._scenes: tuple[Scene, Scene] | None = None
+        Feature.__init__(self, context)
         self._dialog = TransferDialog(self)
 
     @property
@@ -96,48 +37,6 @@ class TransferFeature(Feature):
             )
         ]
 
-    # The dialog
-
-    def show(self) -> None:
-        """Open the dialog."""
-        context = self.context
-        context.toolbox.finish()
-        context.slider_edit.let_go()
-        library = context.characters.all(context.settings.characters)
-        listed = {entry.name: entry.title for entry in library}
-        # Keep files that were chosen in the dialog.
-        listed |= {name: title for name, title in self.characters if name not in listed and paths.is_file(name)}
-        self.characters = list(listed.items())
-        source = context.session.document.character
-        if self.to in ("", source):
-            self.to = next((name for name, _ in self.characters if name != source), source)
-        self.open, self._last_input = True, None
-        if self.method == "examples":
-            self.choose_method("examples")
-        context.redraw()
-
-    def choose_method(self, method: Method) -> None:
-        """Choose how expressions are transferred; the key poses of the last run are opened when they are needed."""
-        self.method = method
-        if method != "examples":
-            return
-        opened = self.by_keys.opened
-        opened.open_last()
-        keys = opened.transferable
-        if keys is not None and keys.is_of("source", self.context.session.model):
-            target = keys.folder.character("target")
-            self.to = target if target in dict(self.characters) else self.to
-
-    def new_keys(self) -> None:
-        """Ask for a new folder of key poses for the chosen target, in another dialog, and come back to this one."""
-        self.hide()
-        self.by_keys.ask_for_new(self.to, self.show)
-
-    def hide(self) -> None:
-        """Close the dialog; its choices are kept."""
-        self.open = False
-        self.context.redraw()
-
     def session_changed(self) -> None:
         """Discard the result, which belongs to another session."""
         self._last_input = None
@@ -152,138 +51,33 @@ class TransferFeature(Feature):
             self.update()
             self._dialog.draw()
 
-    def choose_file(self, path: Path) -> None:
-        """Choose the character in the file ``path`` as the target."""
-        self.to = str(path)
-        if all(name != self.to for name, _ in self.characters):
-            self.characters = [*self.characters, (self.to, path.stem)]
-
-    # Pairs
-
-    def enable(self, index: int, on: bool) -> None:
-        """Enable or disable the pair ``index``."""
-        changed = replace(self.pairs[index], enabled=on)
-        self.pairs = (*self.pairs[:index], changed, *self.pairs[index + 1 :])
-
-    def remove(self, index: int) -> None:
-        """Remove the pair ``index`` from the list."""
-        self.pairs = (*self.pairs[:index], *self.pairs[index + 1 :])
-
-    def add(self) -> None:
-        """Add the pair of the two chosen feature points at the top of the list, where it is visible."""
-        first, second = self.added
-        titles = self.context.session.model.character.feature_titles
-        name = f"{titles.get(first, first)} to {titles.get(second, second)}"
-        if not any({first, second} == {pair.first, pair.second} for pair in self.pairs):
-            self.pairs = (Pair(name, first, second), *self.pairs)
-
-    def load_pairs(self, path: Path) -> None:
-        """Load the list of pairs from the file ``path``."""
-        try:
-            self.pairs = read_pairs(path)
-        except FacePoserError as error:
-            self.context.dialogs.report("The pairs cannot be loaded", str(error))
-
-    def save_pairs(self, path: Path) -> None:
-        """Save the list of pairs to the file ``path``."""
-        try:
-            write_pairs(path, self.pairs)
-        except FacePoserError as error:
-            self.context.dialogs.report("The pairs cannot be saved", str(error))
-            return
-        self.context.notify(f"Saved {path.name}")
-
-    # Result
-
-    @property
-    def by_keys(self) -> KeysFeature:
-        """The feature with the key poses of the method "examples"."""
-        return self.context.feature(KeysFeature)
-
     def update(self) -> None:
-        """Transfer the pose if any input has changed since the last call."""
+        """Transfer the pose if any input has changed since the last call; while the dialog is closed, release it."""
+        if not self.open:
+            self.close()
+            return
         session, opened = self.context.session, self.by_keys.opened
-        if self.open and self.method == "examples":
+        if self.method == "examples":
             opened.read_changes()
         keys = (opened.keys, opened.error, opened.reading) if self.method == "examples" else ()
         inputs = (self.to, self.method, self.pairs, keys, session.revision, id(session))
         if inputs == self._last_input:
             return
         self._last_input = inputs
-        self.error, self.reach, self.result = "", ("", ""), None
+        self.error, self.reach, self.result, self._transfer = "", ("", ""), None, None
         source, pose = session.model, session.coefficients
         try:
             self.target = load_model(self.to)
-            transfer = self._transfer(source, self.target)
-            self.result = None if transfer is None else transfer.pose(pose)
+            if self.method == "examples":
+                self._transfer_by_keys(source, self.target)
+            else:
+                self._transfer = make_transfer(source, self.target, self.method, self.pairs)
+            self.result = None if self._transfer is None else self._transfer.pose(pose)
         except FacePoserError as error:
             self.error = str(error)
         if self.method != "examples":
             self.lengths = (self._measure(source, pose), self._measure(self.target, self.result))
         self.context.redraw()
-
-    def _transfer(self, source: FaceModel, target: FaceModel) -> Transfer | None:
-        """Return the transfer of the chosen method; None while its keys are missing or being read.
-
-        Raises:
-            FacePoserError: If the characters or the keys do not allow it.
-        """
-        if self.method != "examples":
-            return make_transfer(source, target, self.method, self.pairs)
-        opened = self.by_keys.opened
-        if opened.error:
-            raise FacePoserError(opened.error)
-        keys = opened.keys
-        if keys is None:
-            return None
-        check_characters(keys.folder, source, self.to)
-        if keys.transfer is None:
-            raise FacePoserError(keys.problem)
-        distance, remark = reach_of(
-            keys.transfer, keys.source_poses(source, self.context.session.coefficients[None])[0]
-        )
-        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the keys.", remark or keys.notes)
-        return _ByKeys(keys, source)
-
-    def _measure(self, model: FaceModel | None, pose: Array | None) -> list[float | None]:
-        """Return the length of each pair in ``pose`` of ``model``, None for pairs that cannot be measured."""
-        if model is None or pose is None:
-            return [None] * len(self.pairs)
-        measurable = [pair for pair in self.pairs if pair.measurable(model.character)]
-        if not measurable:
-            return [None] * len(self.pairs)
-        distances = PairPoints(model, measurable).distances(pose[None])[0].tolist()
-        lengths = dict(zip(measurable, distances, strict=True))
-        return [lengths.get(pair) for pair in self.pairs]
-
-    @property
-    def scenes(self) -> tuple[Scene, Scene]:
-        """Scenes that draw the previews of the source and of the target."""
-        if self._scenes is None:
-            self._scenes = (Scene(self.context.gl), Scene(self.context.gl))
-        return self._scenes
-
-    def accept(self) -> None:
-        """Open the result as a new session, after asking about unsaved changes."""
-        if self.result is None or self.target is None:
-            return
-        self.hide()
-        session = self.context.session
-        transfer = self._transfer(session.model, self.target)
-        if transfer is None:
-            return
-        document = transferred(session.document, session.coefficients, transfer, self.to, self.target)
-        self.context.guard_changes(lambda: self._open(document))
-
-    def _open(self, document: Document) -> None:
-        def opening(worker: Worker) -> Session:
-            session = session_for(document, None, worker)
-            session.mark_unsaved()
-            return session
-
-        if self.context.show_session(opening, "The expression cannot be transferred"):
-            animated = document.keyframes is not None and document.keyframes.keys
-            self.context.notify(f"Opened the result as a new {'animation' if animated else 'pose'}, not saved yet")
 
     def close(self) -> None:
         """Release the scenes."""

@@ -12,9 +12,9 @@ from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.transfer.key_parameters import REGIONS
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.transfer.feature import TransferFeature
+    from faceposer.gui.features.transfer.state import TransferState
 
-_LABEL = 4.6
+_LABEL = 5.2
 _REGION_LABELS = ("Whole face", "Halves", "Parts")
 _REGION_TIPS = (
     "Clone the face as a whole, as the keys show it",
@@ -23,11 +23,11 @@ _REGION_TIPS = (
 )
 
 
-def draw_keys_choice(state: "TransferFeature") -> None:
+def draw_keys_choice(state: "TransferState") -> None:
     """Draw the folder of keys, the choice of regions, and how far the pose is from the keys."""
     rects, feature = state.context.widget_rects, state.by_keys
     opened = feature.opened
-    row_label("Keys", "Folder of key poses", _LABEL)
+    row_label("Key poses", "Folder of key poses", _LABEL)
     imgui.align_text_to_frame_padding()
     name = "None" if opened.folder is None else displayed(opened.folder.name)
     imgui.text_colored(ImVec4(*FAINT), shortened(name, imgui.get_content_region_avail().x))
@@ -45,11 +45,17 @@ def draw_keys_choice(state: "TransferFeature") -> None:
         if not feature.shown:
             feature.toggle()
     if opened.reading and opened.keys is None:
-        caption("Reading keys...")
+        caption("Reading key poses...")
     if opened.keys is None:
         if opened.folder is None:
             caption("Open a folder of key poses, or create one: it proposes what expressions look like on the target.")
         return
+    other = state.target_of_keys
+    if other is not None:
+        label = f"Change the target to {other[1]}"
+        tip = "Choose the character for which these key poses were made"
+        if fitted_button(rects, label, "transfer:keys:target", imgui.get_content_region_avail().x, tip):
+            state.choose_target_of_keys()
     row_label("Regions", "Regions of the face that are cloned separately", _LABEL)
     chosen = choice(rects, "transfer:regions", _REGION_LABELS, REGIONS.index(opened.keys.folder.regions), _REGION_TIPS)
     feature.set_regions(REGIONS[chosen])

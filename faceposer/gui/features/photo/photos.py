@@ -1,0 +1,96 @@
+"""What the tab "Photo" and its actions know of the photos of a session."""
+
+from typing import Protocol
+
+from faceposer.gui.context import EditorContext
+from faceposer.gui.features.photo.expression import TakeExpression
+from faceposer.photo.photo import Photo, Place
+from faceposer.tools.photo_tool import PhotoTool
+
+
+class Photos(Protocol):
+    """The photos of the session, as `PhotoFeature` has them.
+
+    Attributes:
+        context: The editor.
+        expression: The expression of a photo, found in the background.
+    """
+
+    context: EditorContext
+    expression: TakeExpression
+
+    @property
+    def photos(self) -> tuple[Photo, ...]:
+        """The photos of the session."""
+        ...
+
+    @property
+    def tool(self) -> PhotoTool:
+        """The tool that sets pins."""
+        ...
+
+    @property
+    def active(self) -> int | None:
+        """Index of the active photo, which the tab shows, or None."""
+        ...
+
+    @property
+    def photo(self) -> Photo | None:
+        """The active photo, or None."""
+        ...
+
+    @property
+    def aligned(self) -> bool:
+        """True if the view shows the photo and the face from the photo's camera."""
+        ...
+
+    @property
+    def has_enough_pins(self) -> bool:
+        """True if the photo has enough pins to determine its camera."""
+        ...
+
+    @property
+    def readable(self) -> bool:
+        """True if the file of the active photo could be read."""
+        ...
+
+    @property
+    def takes_expressions(self) -> bool:
+        """True if the character has shapes of ARKit, to which the expression of a photo is given."""
+        ...
+
+    def ask(self) -> None:
+        """Ask for a photo file and open it."""
+
+    def choose(self, index: int) -> None:
+        """Activate photo ``index`` and look through it."""
+
+    def look_through(self) -> None:
+        """Look through the camera of the active photo."""
+
+    def start_pinning(self) -> None:
+        """Choose the tool that sets pins, at the first place without a pin."""
+
+    def skip(self) -> None:
+        """Skip to the next place."""
+
+    def pin_place(self, place: Place) -> None:
+        """Set a pin for ``place`` with the next press on the photo."""
+
+    def toggle(self) -> None:
+        """Show or hide the photo."""
+
+    def change(self, photo: Photo, label: str, merges: bool = False) -> None:
+        """Replace the active photo by ``photo``, as one step of the history or within the edit of a slider."""
+
+    def realign(self, focal: float | None) -> None:
+        """Fit the camera again with the focal length ``focal`` in pixels, or estimate it if None."""
+
+    def remove(self, index: int) -> None:
+        """Remove photo ``index`` from the session as one step of the history; its file is kept."""
+
+    def take_expression(self) -> None:
+        """Pose the face after the active photo without pins; constraints are removed."""
+
+    def pose_from_pins(self) -> None:
+        """Pose the face from the pins as one step of the history; constraints made from them before are replaced."""

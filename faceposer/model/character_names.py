@@ -1,0 +1,31 @@
+"""Names and credits of characters."""
+
+from faceposer.errors import FacePoserError
+
+LONGEST_TITLE = 80
+
+
+def checked_title(text: object, label: str = "The name of a character") -> str:
+    """Return a name for display without spaces around it.
+
+    Raises:
+        FacePoserError: If ``text`` is no text, empty, too long or not printable; the message begins with ``label``.
+    """
+    title = text.strip() if isinstance(text, str) else ""
+    if not 0 < len(title) <= LONGEST_TITLE or not title.isprintable():
+        raise FacePoserError(f"{label} must have 1 to {LONGEST_TITLE} printable characters.")
+    return title
+
+
+def file_stem(title: str) -> str:
+    """Return the stem of a file name for a character of this ``title``."""
+    return "".join(letter if letter.isalnum() else "-" for letter in title.lower()).strip("-") or "head"
+
+
+def joined_credits(*sources: str) -> str:
+    """Return the sources of a character's data in one text, each once."""
+    credits: list[str] = []
+    for text in sources:
+        if text and not any(text in before for before in credits):
+            credits.append(text)
+    return " ".join(credits)

@@ -1,0 +1,40 @@
+"""Kinds of key poses: which ones are emotional or verbal, and so combined with one another."""
+
+from dataclasses import replace
+
+from faceposer.errors import FacePoserError
+from faceposer.poses.pose_file import read_pose, write_pose
+from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFolder
+
+_KINDS = frozenset((EXPRESSION, VISEME, COMPOSED))
+
+
+def set_kind(folder: KeyFolder, name: str, kind: str) -> None:
+    """Make the key ``name`` an emotional key ("expression"), a verbal one ("viseme"), or neither ("").
+
+    Poses get or lose the tags; keys that are meshes on both sides are listed in the description of the folder.
+
+    Raises:
+        FacePoserError: If there is no such key, or a file cannot be read or written.
+    """
+    entry = next((entry for entry in folder.entries() if entry.name == name), None)
+    if entry is None:
+        raise FacePoserError(f"'{folder.folder}' has no key '{name}' any more.")
+    untagged = kind
+    for path in (entry.source, entry.target):
+        if path is None or path.suffix.lower() != ".json":
+            continue
+        pose = read_pose(path)
+        tags = (*(tag for tag in pose.tags if tag not in _KINDS), *((kind,) if kind else ()))
+        untagged = ""
+        if tags != pose.tags:
+            write_pose(path, replace(pose, tags=tags))
+    expressions = tuple(other for other in folder.expressions if other != name)
+    visemes = tuple(other for other in folder.visemes if other != name)
+    changed = replace(
+        folder,
+        expressions=(*expressions, name) if untagged == EXPRESSION else expressions,
+        visemes=(*visemes, name) if untagged == VISEME else visemes,
+    )
+    if changed != folder:
+        changed.write()
