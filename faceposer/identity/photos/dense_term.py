@@ -192,7 +192,7 @@ class DensePhoto:
         for _ in range(steps):
             matrix, slope = self._light_equations(found)
             while damping < 1e6:
-                step = -np.linalg.solve(matrix + np.diag(damping * np.diag(matrix)), slope)
+                step: Array = -np.linalg.solve(matrix + np.diag(damping * np.diag(matrix)), slope)
                 tried = found.under(found.lit.light.moved(step))
                 value = self._light_cost(tried)
                 if value < cost:
