@@ -192,7 +192,8 @@ class DensePhoto:
         for _ in range(steps):
             matrix, slope = self._light_equations(found)
             while damping < 1e6:
-                step: Array = -np.linalg.solve(matrix + np.diag(damping * np.diag(matrix)), slope)
+                damped = matrix + np.diag(damping * np.diag(matrix))
+                step = -np.linalg.solve(damped, slope).astype(np.float64)
                 tried = found.under(found.lit.light.moved(step))
                 value = self._light_cost(tried)
                 if value < cost:
