@@ -17,6 +17,7 @@ from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point
 from faceposer.api.posing import PathName, PosingMixin
 from faceposer.api.sketching import SketchingMixin
 from faceposer.errors import FacePoserError, FacePoserWarning
+from faceposer.files.atomic import check_not_input
 from faceposer.geometry.camera import VIEW_ANGLES, Camera, ViewName
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.geometry.strokes import StrokeShape
@@ -360,6 +361,8 @@ class Face(HeadsMixin, PosingMixin, SketchingMixin, MotionMixin, PhotosMixin):
         checks.one_of(shading, ("full", "clay"), "The shading")
         if path is not None and Path(path).suffix.lower() != ".png":
             raise FacePoserError(f"The image '{path}' must end in '.png'.")
+        if path is not None:
+            check_not_input(Path(path), *(photo.path for photo in self.session.document.photos))
         camera = view if isinstance(view, Camera) else self.camera(view, size)
         image = render_character(
             self.character,

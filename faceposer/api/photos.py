@@ -32,13 +32,14 @@ class PhotosMixin:
         """
         from pathlib import Path
 
-        from faceposer.files.atomic import check_output
+        from faceposer.files.atomic import check_not_input, check_output
         from faceposer.session.putting_back import photo_with_face
 
         if isinstance(photo, bool) or not isinstance(photo, (int, np.integer)):
             raise FacePoserError("The number of a photo must be a whole number, from 0.")
         if path is not None:
             check_output(Path(path), ".png")
+            check_not_input(Path(path), *(photo.path for photo in self.session.document.photos))
         picture = photo_with_face(self.session, int(photo))
         if path is not None:
             from faceposer.render.images import write_png

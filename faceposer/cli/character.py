@@ -82,6 +82,7 @@ def _check(options: argparse.Namespace) -> int:
 
 def _rename(options: argparse.Namespace) -> int:
     from faceposer.model.character_file import load_character, save_character
+    from faceposer.model.character_names import checked_short_name
     from faceposer.training.renaming import renamed
 
     path = Path(options.file)
@@ -95,6 +96,8 @@ def _rename(options: argparse.Namespace) -> int:
         pairs[old] = new
     if not (pairs or options.name or options.title or options.credits is not None):
         raise FacePoserError("No new name is given; use --name, --title, --credits or --shape OLD=NEW.")
+    if options.name:
+        checked_short_name(options.name, "--name")
     character = renamed(load_character(path), f"'{path}'", options.name, options.title, options.credits, pairs)
     save_character(path, character)
     print(f"{path} written")

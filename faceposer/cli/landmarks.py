@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.arguments import output_path
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_output
 
 NAME = "landmarks"
 
@@ -37,9 +37,11 @@ def run(options: argparse.Namespace) -> int:
     for path, suffix in outputs:
         if path is not None:
             check_output(path, suffix)
-            check_not_input(path, Path(options.what))
+    from faceposer.geometry.mesh_companions import check_not_of_meshes
     from faceposer.landmarks.reading import is_mesh
 
+    for path, _ in outputs:
+        check_not_of_meshes(path, options.what)
     if is_mesh(options.what):
         if options.pins is not None:
             raise FacePoserError("Pins are for photos; 'faceposer photo' aligns a character with a photo.")

@@ -37,8 +37,10 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the image and return the exit status."""
     check_output(options.output, ".png")
+    from faceposer.geometry.mesh_companions import check_not_of_meshes
     from faceposer.geometry.mesh_io import MESH_SUFFIXES
 
+    check_not_of_meshes(options.output, options.what)
     if Path(options.what).suffix.lower() in MESH_SUFFIXES:
         from faceposer.cli.opening import print_notes
         from faceposer.geometry.camera import OrbitView

@@ -9,6 +9,7 @@ from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.files.atomic import check_not_input, check_output
+from faceposer.model.character_names import checked_short_name
 
 NAME = "train"
 
@@ -113,6 +114,8 @@ def run(options: argparse.Namespace) -> int:
     """Learn the character, write it and return the exit status."""
     check_output(options.output, ".npz")
     check_not_input(options.output, options.examples, options.scan)
+    if options.name is not None:
+        checked_short_name(options.name, "--name")
     if options.summary is not None and paths.exists(options.summary) and not paths.is_dir(options.summary):
         raise FacePoserError(f"'{options.summary}' is a file; give a folder for the summary.")
     from faceposer.model.character_file import save_character

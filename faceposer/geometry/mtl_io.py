@@ -15,6 +15,8 @@ _MAX_TOTAL_BYTES = 512 << 20
 # Number of arguments of the options before the file name of a texture; those of -o, -s and -t are one to three.
 _OPTIONS = {"-blendu": 1, "-blendv": 1, "-boost": 1, "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-clamp": 1}
 _OPTIONS |= {"-bm": 1, "-imfchan": 1, "-type": 1, "-cc": 1}
+# Statements with an image besides those that begin with "map_".
+_IMAGE_STATEMENTS = ("bump", "disp", "decal", "refl", "norm")
 # Control characters, line ends and surrogates, which names cannot contain.
 _UNWRITABLE = re.compile(r"[\x00-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]")
 
@@ -105,6 +107,22 @@ def read_obj_textures(obj: Path, mesh: PolygonMesh) -> tuple[dict[str, bytes], t
         notes.append(f"The textures are not used, since faces of '{obj}' have no texture coordinates.")
         return {}, tuple(notes)
     return reader.textures, (*notes, *reader.notes)
+
+
+def library_files(folder: Path, names: str) -> list[Path]:
+    """Return the libraries in ``folder`` in the argument of an ``mtllib`` statement; none if they are missing."""
+    return _library_files(folder, names, [])
+
+
+def named_images(text: str) -> list[str]:
+    """Return the file names of all images in the library ``text``, whatever they are for."""
+    lines = (line.split(None, 1) for line in re.split(r"\r\n?|\n", text))
+    statements = ((words[0].lower(), words[1].strip()) for words in lines if len(words) == 2)
+    return [
+        _without_options(rest)
+        for keyword, rest in statements
+        if keyword.startswith("map_") or keyword in _IMAGE_STATEMENTS
+    ]
 
 
 def _library_files(folder: Path, names: str, notes: list[str]) -> list[Path]:

@@ -8,15 +8,14 @@ import numpy as np
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.files.reading import read_bytes
+from faceposer.geometry.mesh_companions import pictures_beside
 from faceposer.geometry.mesh_io import MESH_SUFFIXES, read_textured_mesh
 from faceposer.geometry.obj_io import read_obj_colours
 from faceposer.geometry.polygon_mesh import Group
-from faceposer.geometry.texture_images import UnusableImageError, file_in, texture_image
+from faceposer.geometry.texture_images import UnusableImageError, texture_image
 from faceposer.landmarks.drawing import PaintedMesh
 from faceposer.landmarks.painting import painted_character, painted_file
 from faceposer.model.character_file import available_characters, load_character
-
-_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".bmp")
 
 
 def is_mesh(what: str) -> bool:
@@ -51,9 +50,8 @@ def read_painted(what: str) -> PaintedMesh:
 
 def _image_beside(path: Path) -> bytes | None:
     """Return the image with the name of the mesh ``path``, as scans have that name no material, or None."""
-    for suffix in _IMAGE_SUFFIXES:
+    for image in pictures_beside(path):
         try:
-            image = file_in(path.parent, path.stem + suffix)
             return texture_image(read_bytes(image), image.name)
         except (OSError, FacePoserError, UnusableImageError):
             continue

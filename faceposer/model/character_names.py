@@ -1,6 +1,7 @@
 """Names and credits of characters."""
 
 from faceposer.errors import FacePoserError
+from faceposer.resources import asset_path
 
 LONGEST_TITLE = 80
 
@@ -15,6 +16,21 @@ def checked_title(text: object, label: str = "The name of a character") -> str:
     if not 0 < len(title) <= LONGEST_TITLE or not title.isprintable():
         raise FacePoserError(f"{label} must have 1 to {LONGEST_TITLE} printable characters.")
     return title
+
+
+def checked_short_name(text: object, label: str) -> str:
+    """Return a short name for commands and files without spaces around it.
+
+    Raises:
+        FacePoserError: If it is not possible for display, is a path, or is that of an installed character; the message
+            begins with ``label``.
+    """
+    name = checked_title(text, label)
+    if any(mark in name for mark in "/\\:") or set(name) == {"."}:
+        raise FacePoserError(f"{label} cannot be a path such as '{name}'; give a name such as 'my-head'.")
+    if name.casefold() in {path.stem.casefold() for path in asset_path("characters").glob("*.npz")}:
+        raise FacePoserError(f"{label} cannot be '{name}', which is a built-in character; give another name.")
+    return name
 
 
 def file_stem(title: str) -> str:

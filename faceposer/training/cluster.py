@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Result = TypeVar("Result")
 
 _PATIENCE_S = 10
+_LAST_PORT = 65535
 # Number of sums that are added at a time.
 _FAN_IN = 8
 _POLL_S = 0.5
@@ -161,19 +162,42 @@ def _client(scheduler: str, progress: Progress) -> Iterator[Any]:
         raise FacePoserError(
             "Training on a cluster needs Dask; install it with: pip install 'faceposer[cluster]'"
         ) from error
+    _check_address(scheduler)
     progress.at("Connecting to the cluster")
     try:
         client: Any = Client(scheduler, timeout=_PATIENCE_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, ImportError) as error:
-        raise FacePoserError(
-            f"No Dask scheduler answers at '{scheduler}'; start one with 'dask scheduler', and use the address that it "
-            "prints, such as tcp://host:8786."
-        ) from error
+        raise _no_scheduler(scheduler) from error
     try:
         _check_workers(client, scheduler)
         yield client
     finally:
         client.close()
+
+
+def _check_address(scheduler: str) -> None:
+    """Raise ``FacePoserError`` for an address at which no scheduler can be.
+
+    A client that was given one is never connected, and its thread would wait for that when it is removed.
+    """
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    try:
+        kind, place = parse_address(scheduler)
+        get_backend(kind)
+        host, port = parse_host_port(place)
+        if not (host and 0 < port <= _LAST_PORT):
+            raise ValueError(scheduler)
+    except (ValueError, ImportError) as error:
+        raise _no_scheduler(scheduler) from error
+
+
+def _no_scheduler(scheduler: str) -> FacePoserError:
+    return FacePoserError(
+        f"No Dask scheduler answers at '{scheduler}'; start one with 'dask scheduler', and use the address that it "
+        "prints, such as tcp://host:8786."
+    )
 
 
 def _check_workers(client: Any, scheduler: str) -> None:

@@ -3,16 +3,19 @@
 import gc
 import re
 import weakref
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import faceposer
 from faceposer import Face, FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.obj_io import write_obj
 from faceposer.identity.editing import head_editor
+from faceposer.photo.photo import Photo
 from faceposer.session.key_folder import KeyFolder
 from faceposer.session.opening import open_session
 from tests.command_line import run_captured
@@ -177,3 +180,15 @@ def test_an_edited_head_has_the_clones_of_its_character(
     status, _, said = run_captured(capsys, "transfer", tmp_path / "old.json", "low", "-o", out, *options)
     assert (status, "outside the keys" in said) == (0, False)
     np.testing.assert_allclose(read_mesh(out).vertices, low.vertices, atol=1e-3)
+
+
+def test_pictures_do_not_replace_the_photos_of_the_session(tmp_path: Path) -> None:
+    face, photo = faceposer.load("low"), tmp_path / "me.png"
+    Image.new("RGB", (8, 6)).save(photo)
+    content = photo.read_bytes()
+    with face.session.edit("Open a photo"):
+        face.session.replace(replace(face.session.document, photos=(Photo(str(photo), (8, 6)),)))
+    for write in (lambda: face.render(photo), lambda: face.put_back(path=photo)):
+        with pytest.raises(FacePoserError, match="is also an input"):
+            write()
+    assert photo.read_bytes() == content

@@ -92,3 +92,22 @@ def test_bad_input_gets_one_sentence(
     assert message in errors
     assert errors.count("\n") == 1
     assert not Path(words[words.index("-o") + 1]).exists()
+
+
+@pytest.mark.parametrize("texture", ["scan.png", "skin.png"])
+def test_textures_of_a_scan_are_inputs(tmp_path: Path, capsys: Capture, texture: str) -> None:
+    scan, picture = tmp_path / "scan.obj", tmp_path / texture
+    library = "mtllib scan.mtl\nusemtl a\n" if texture == "skin.png" else ""
+    scan.write_text(f"{library}v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    (tmp_path / "scan.mtl").write_text("newmtl a\nmap_Kd skin.png\n")
+    Image.new("RGB", (4, 4), (200, 150, 130)).save(picture)
+    content = picture.read_bytes()
+    for words in (
+        ("identity", "fit", scan, "-o", tmp_path / "me.npz", "--distance-map", picture),
+        ("landmarks", scan, "--image", picture),
+        ("render", scan, "-o", picture),
+    ):
+        status, _, errors = run_captured(capsys, *words)
+        assert (status, errors.count("\n")) == (2, 1)
+        assert f"'{picture}' is also an input; give the output another name." in errors
+    assert picture.read_bytes() == content

@@ -145,6 +145,16 @@ def test_wrong_address(tmp_path: Path, wrong: str, monkeypatch: pytest.MonkeyPat
         pass
 
 
+@pytest.mark.parametrize("wrong", ["nowhere", "tcp://a:1x", "tcp://a:99999", "tcp://:8786", "smoke://a:1", "", "inproc://a"])
+def test_no_client_is_made_for_what_is_no_address(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def connect(*_: object, **__: object) -> None:
+        raise AssertionError("a client that is never connected blocks when it is removed")
+
+    monkeypatch.setattr("distributed.Client", connect)
+    with pytest.raises(FacePoserError, match="No Dask scheduler answers at"), cluster_map(wrong, Progress()):
+        pass
+
+
 def test_cluster_without_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "_PATIENCE_S", 0.5)
     mesh = surface()

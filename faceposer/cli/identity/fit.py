@@ -43,11 +43,14 @@ def add_parser(subcommands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit the head, write what is asked for and return the exit status."""
+    from faceposer.geometry.mesh_companions import check_not_of_meshes
+
     outputs = ((options.output, ".npz"), (options.report, ".json"), (options.distance_map, ".png"))
     for path, suffix in outputs:
         if path is not None:
             check_output(path, suffix)
-            check_not_input(path, *options.scans, *options.landmarks, options.model)
+            check_not_input(path, *options.landmarks, options.model)
+            check_not_of_meshes(path, *options.scans)
     check_titles(options)
     if len(options.landmarks) not in (0, len(options.scans)):
         raise FacePoserError(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from faceposer.cli.arguments import number, number_between, output_path
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_not_input, check_output
-from faceposer.model.character_names import checked_title
+from faceposer.model.character_names import checked_short_name, checked_title
 
 if TYPE_CHECKING:
     from faceposer.identity.editing import HeadEditor
@@ -106,9 +106,10 @@ def check_titles(options: argparse.Namespace) -> None:
     Raises:
         FacePoserError: If a name is not possible.
     """
-    for label, text in (("--name", options.name), ("--title", options.title)):
-        if text is not None:
-            checked_title(text, label)
+    if options.name is not None:
+        checked_short_name(options.name, "--name")
+    if options.title is not None:
+        checked_title(options.title, "--title")
 
 
 def values_of(pairs: list[str], label: str) -> dict[str, float]:

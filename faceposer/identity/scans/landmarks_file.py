@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonDocument, JsonObject, check_header, convert, read_json
 from faceposer.geometry.alignment import determines_rotation
+from faceposer.geometry.mesh import FARTHEST
 from faceposer.identity.registration import align
 from faceposer.identity.scans.scan import ScanLandmarks
 from faceposer.landmarks.drawing import PaintedMesh
@@ -26,7 +27,10 @@ Array = NDArray[np.float64]
 _MAX_BYTES = 16 << 20
 # Distance in centimetres from the place that the 468 points imply, from which a feature point counts as moved by hand.
 _MOVED = 0.1
-_Place = Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
+# Extent below which points are at one place: scaled to a head, other coordinates would have no finite squares.
+_SMALLEST = 1.0 / FARTHEST
+_Number = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
+_Place = Annotated[list[_Number], msgspec.Meta(min_length=3, max_length=3)]
 
 
 class _Feature(JsonObject):
@@ -39,7 +43,7 @@ class _Feature(JsonObject):
 class _LandmarksFile(JsonDocument):
     points: Annotated[list[_Place | None], msgspec.Meta(min_length=N_POINTS, max_length=N_POINTS)]
     feature_points: dict[str, _Feature] = msgspec.field(default_factory=dict)
-    spread: list[float | None] | msgspec.UnsetType = msgspec.UNSET
+    spread: list[_Number | None] | msgspec.UnsetType = msgspec.UNSET
     source: str | msgspec.UnsetType = msgspec.UNSET
     kind: str | msgspec.UnsetType = msgspec.UNSET
     score: float | msgspec.UnsetType = msgspec.UNSET
@@ -67,7 +71,7 @@ def _landmarks_of(data: Any) -> ScanLandmarks:
         spread = np.array([0.0 if value is None else max(value, 0.0) for value in content.spread])
     features = {name: np.array(feature.place) for name, feature in content.feature_points.items()}
     known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
-    if not determines_rotation(points[known]):
+    if not determines_rotation(points[known]) or np.ptp(points[known], axis=0).max() < _SMALLEST:
         raise FacePoserError("it has fewer than three points that are not on a line; find the landmarks again.")
     return ScanLandmarks(points, spread, _moved(points, spread, known, features))
 

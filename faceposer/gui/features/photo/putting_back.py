@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.atomic import check_not_input
 from faceposer.gui.context import EditorContext
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_request import FileRequest
@@ -119,12 +120,14 @@ class PuttingBack:
 
         def save(path: Path) -> None:
             session = self._context.session
+            photos = [one.path for one in session.document.photos]
             vertices, model, identity = session.vertices, session.base_model, session.document.identity
 
             def work(_: Progress) -> None:
                 from faceposer.photo.putting_back import put_back
                 from faceposer.session.putting_back import head_in_photo, skin_change
 
+                check_not_input(path, *photos)
                 write_png(path, put_back(head_in_photo(model, photo), vertices, skin_change(model, identity)))
 
             self._saving = (ThreadJob(work, self._context.wake), path)
