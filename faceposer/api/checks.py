@@ -3,6 +3,8 @@
 import json
 import math
 from collections.abc import Iterable, Sequence
+from os import PathLike, fspath
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -44,6 +46,27 @@ def some_of(values: Iterable[T] | T, choices: Sequence[T], label: str) -> tuple[
     return tuple(one_of(value, choices, label) for value in several)
 
 
+def path_text(value: str | PathLike[str], label: str) -> str:
+    """Return ``value``, a name or a path, as text.
+
+    Raises:
+        FacePoserError: If it is neither; the message begins with ``label``.
+    """
+    text = fspath(value) if isinstance(value, (str, PathLike)) else value
+    if not isinstance(text, str):
+        raise FacePoserError(f"{label} must be a text or a path, not {_short_repr(value)}.")
+    return text
+
+
+def file_path(value: str | PathLike[str], label: str = "The path") -> Path:
+    """Return ``value`` as a path.
+
+    Raises:
+        FacePoserError: If it is none; the message begins with ``label``.
+    """
+    return Path(path_text(value, label))
+
+
 def real(value: float, label: str) -> float:
     """Return ``value`` as a float of any size.
 
@@ -51,6 +74,8 @@ def real(value: float, label: str) -> float:
         FacePoserError: If it is not a number; the message begins with ``label``.
     """
     try:
+        if isinstance(value, (bool, np.bool_, str, bytes)):
+            raise TypeError(value)
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise FacePoserError(f"{label} must be a number, not {_short_repr(value)}.") from error
@@ -62,7 +87,10 @@ def number(value: float, least: float, most: float, label: str) -> float:
     Raises:
         FacePoserError: If it is not such a number; the message begins with ``label``.
     """
-    found = math.nan if isinstance(value, bool) else real(value, label)
+    try:
+        found = real(value, label)
+    except FacePoserError:
+        found = math.nan
     if not least <= found <= most:
         raise FacePoserError(f"{label} must be a number from {least:g} to {most:g}, not {_short_repr(value)}.")
     return found

@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Mapping
-from os import fspath
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -53,7 +52,7 @@ def load(what: PathName) -> "Face":
     Raises:
         FacePoserError: If the face cannot be found or read.
     """
-    session = open_session(fspath(what))
+    session = open_session(checks.path_text(what, "A face"))
     if session.remark:
         warnings.warn(session.remark, FacePoserWarning, stacklevel=2)
     return Face(session)
@@ -326,7 +325,7 @@ class Face(HeadsMixin, PosingMixin, SketchingMixin, MotionMixin, PhotosMixin):
 
         Images and meshes contain contact; morph targets (.glb) and weights do not.
         """
-        target = Path(path)
+        target = checks.file_path(path)
         suffix = target.suffix.lower()
         if suffix == ".json":
             self.session.save(target)
@@ -359,10 +358,11 @@ class Face(HeadsMixin, PosingMixin, SketchingMixin, MotionMixin, PhotosMixin):
         from faceposer.render.offscreen import render_character
 
         checks.one_of(shading, ("full", "clay"), "The shading")
-        if path is not None and Path(path).suffix.lower() != ".png":
-            raise FacePoserError(f"The image '{path}' must end in '.png'.")
-        if path is not None:
-            check_not_input(Path(path), *(photo.path for photo in self.session.document.photos))
+        target = None if path is None else checks.file_path(path)
+        if target is not None:
+            if target.suffix.lower() != ".png":
+                raise FacePoserError(f"The image '{target}' must end in '.png'.")
+            check_not_input(target, *(photo.path for photo in self.session.document.photos))
         camera = view if isinstance(view, Camera) else self.camera(view, size)
         image = render_character(
             self.character,
@@ -372,8 +372,8 @@ class Face(HeadsMixin, PosingMixin, SketchingMixin, MotionMixin, PhotosMixin):
             expression_lines=expression_lines,
             transparent=transparent,
         )
-        if path is not None:
-            write_png(Path(path), image)
+        if target is not None:
+            write_png(target, image)
         return image
 
     def _checked_camera(self, camera: Camera | None) -> Camera:

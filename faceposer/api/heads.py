@@ -1,7 +1,7 @@
 """Heads for ``Face``: attributes, random heads, mixtures and caricatures of the morphable model (docs/identity.md)."""
 
 from collections.abc import Iterable, Mapping
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -67,9 +67,12 @@ class HeadsMixin:
             **named: The same, with "_" in place of "-".
         """
         editor, head = self._head_editor, self.head
-        if values is not None and not isinstance(values, Mapping):
-            raise FacePoserError("Values of attributes must be given by name: set_attributes({'age': 0.5}).")
-        wanted = checked_attributes(editor, {**(values or {}), **named})
+        given = {} if values is None else values
+        wanted = checked_attributes(editor, given)
+        twice = wanted.keys() & (more := checked_attributes(editor, named)).keys()
+        if twice:
+            raise FacePoserError(f"The attribute '{min(twice)}' is given twice; give one value.")
+        wanted |= more
         self._set_head(editor.with_attributes(head, wanted), "Set attributes")
 
     def caricature(self, factor: float) -> None:
@@ -86,7 +89,7 @@ class HeadsMixin:
         checks.number(share, 0.0, 1.0, "The share")
         if not isinstance(other, (HeadsMixin, str, PathLike)):
             raise FacePoserError(f"The other head must be a face, a name or a path, not {other!r:.60}.")
-        theirs = other if isinstance(other, HeadsMixin) else _Other(fspath(other))
+        theirs = other if isinstance(other, HeadsMixin) else _Other(checks.path_text(other, "The other head"))
         mixed = mixed_heads(self._head_editor, self.head, theirs._head_editor, theirs.head, share)
         self._set_head(mixed, "Mix heads")
 
@@ -132,7 +135,7 @@ class HeadsMixin:
             path: File to write; its name without the suffix is the short name of the character.
             title: Display name; the short name if None.
         """
-        target = Path(path)
+        target = checks.file_path(path)
         check_output(target, ".npz")
         shown = checked_title(target.stem if title is None else title, "The title of a character")
         save_character(target, named_character(self._head_editor, self.head, target.stem, shown))
@@ -159,6 +162,8 @@ def checked_attributes(editor: HeadEditor, values: Mapping[str, float]) -> dict[
     Raises:
         FacePoserError: If one does not exist, or is not a number within its limits.
     """
+    if not isinstance(values, Mapping):
+        raise FacePoserError(f"Values of attributes must be given by name, such as {{'age': 0.5}}, not {values!r:.60}.")
     for name in values:
         if not isinstance(name, str):
             raise FacePoserError(f"The name of an attribute must be a text, not {name!r:.60}.")
@@ -213,7 +218,10 @@ def new_identity(
     Raises:
         FacePoserError: If an argument is invalid.
     """
-    factor, values = checked_caricature(caricature), checked_attributes(editor, attributes or {})
+    factor, values = (
+        checked_caricature(caricature),
+        checked_attributes(editor, {} if attributes is None else attributes),
+    )
     drawn = random_head(editor, editor.own, seed, variety)
     return changed_head(editor, drawn, factor, values, *_checked_skin(texture, tone), int(seed))
 

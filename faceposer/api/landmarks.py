@@ -1,11 +1,9 @@
 """Landmarks of faces in photos and on meshes, from files or arrays (docs/landmarks.md)."""
 
-from os import fspath
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.api import checks
 from faceposer.api.posing import PathName
 from faceposer.errors import FacePoserError
 from faceposer.landmarks import on_meshes, points
@@ -45,12 +43,12 @@ def find_mesh_landmarks(mesh: PathName) -> MeshLandmarks | None:
     Raises:
         FacePoserError: If the mesh cannot be read.
     """
-    return on_meshes.find_mesh_landmarks(read_painted(fspath(mesh)))
+    return on_meshes.find_mesh_landmarks(read_painted(checks.path_text(mesh, "A mesh")))
 
 
 def _pixels(photo: PathName | NDArray[np.uint8]) -> NDArray[np.uint8]:
     if not isinstance(photo, np.ndarray):
-        return read_photo(Path(fspath(photo)))
+        return read_photo(checks.file_path(photo, "A photo"))
     if photo.dtype != np.uint8 or photo.ndim not in (2, 3) or (photo.ndim == 3 and photo.shape[2] not in (1, 3, 4)):
         raise FacePoserError(
             f"A photo must be an array of 8-bit values of shape (h, w), (h, w, 3) or (h, w, 4), not {photo.dtype} of "

@@ -118,7 +118,7 @@ class MotionMixin:
 
         if rate is not None:
             checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
-        read = read_performance(Path(path), self.session.model, rate)
+        read = read_performance(checks.file_path(path), self.session.model, rate)
         _warn(path, read.note)
         self.play(read.performance)
         return read.performance
@@ -151,7 +151,9 @@ class MotionMixin:
         if not isinstance(trajectories, Trajectories):
             if rate is not None:
                 checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
-            read = read_trajectories(Path(trajectories), model.character, camera=camera, rate=rate)
+            read = read_trajectories(
+                checks.file_path(trajectories, "Trajectories"), model.character, camera=camera, rate=rate
+            )
             _warn(trajectories, " ".join(read.notes))
             trajectories, _ = read.without_jumps()
         return solve_trajectories(
@@ -196,7 +198,7 @@ class MotionMixin:
         if rate is not None:
             checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
         found = expression_of_film(
-            Path(film),
+            checks.file_path(film, "A film"),
             self.session.model,
             span=Span(start, end),
             rate=rate,
@@ -222,7 +224,7 @@ class MotionMixin:
             pairs: Pairs of points with distances to match; the built-in list if None.
             keys: Folder of key poses of both characters, for "examples".
         """
-        session, name = self.session, fspath(character)
+        session, name = self.session, checks.path_text(character, "A character")
         checks.one_of(method, get_args(Method), "The method")
         if pairs is not None and not all(isinstance(pair, Pair) for pair in pairs):
             raise FacePoserError("Pairs must be of the class faceposer.transfer.pairs.Pair, two feature points each.")
@@ -268,7 +270,7 @@ class MotionMixin:
         from faceposer.render.options import OutputOptions
 
         checks.number(turn, 0.0, _LONGEST_TURN, "The duration of a turn")
-        form = FORMATS.get(Path(path).suffix.lower())
+        form = FORMATS.get((target := checks.file_path(path)).suffix.lower())
         if turn and form is not None and form.holds != "film":
             videos = " or ".join(suffixes(lambda form: form.holds == "film"))
             raise FacePoserError(
@@ -284,8 +286,8 @@ class MotionMixin:
             transparent=transparent,
             materials=materials,
         )
-        write(Path(path), model, content, options)
-        return Path(path)
+        write(target, model, content, options)
+        return target
 
     def export_sequence(
         self,
@@ -327,6 +329,7 @@ class MotionMixin:
             transparent=transparent,
             materials=materials,
         )
-        for _ in write_sequence_steps(Output(Path(folder), self.session.model, performance, options), f".{kind}"):
+        target = checks.file_path(folder, "A folder")
+        for _ in write_sequence_steps(Output(target, self.session.model, performance, options), f".{kind}"):
             pass
-        return Path(folder)
+        return target

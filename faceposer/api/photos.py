@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.api import checks
 from faceposer.api.posing import PathName
 from faceposer.errors import FacePoserError
 from faceposer.session.session import Session
@@ -30,19 +31,18 @@ class PhotosMixin:
             FacePoserError: If there is no such photo, its file cannot be read, its expression is unknown, or the file
                 cannot be written.
         """
-        from pathlib import Path
-
         from faceposer.files.atomic import check_not_input, check_output
         from faceposer.session.putting_back import photo_with_face
 
         if isinstance(photo, bool) or not isinstance(photo, (int, np.integer)):
             raise FacePoserError("The number of a photo must be a whole number, from 0.")
         if path is not None:
-            check_output(Path(path), ".png")
-            check_not_input(Path(path), *(photo.path for photo in self.session.document.photos))
+            target = checks.file_path(path)
+            check_output(target, ".png")
+            check_not_input(target, *(photo.path for photo in self.session.document.photos))
         picture = photo_with_face(self.session, int(photo))
         if path is not None:
             from faceposer.render.images import write_png
 
-            write_png(Path(path), picture)
+            write_png(target, picture)
         return picture

@@ -1,7 +1,7 @@
 """Starting pose, pose library and mirroring for ``Face``."""
 
 from collections.abc import Iterable, Mapping
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -81,7 +81,7 @@ class PosingMixin:
 
     def save_pose(self, name: str, folder: PathName | None = None, overwrite: bool = False) -> Path:
         """Write the current pose to the user's library, or to ``folder``, and return its file."""
-        target = library.default_pose_folder() if folder is None else Path(folder)
+        target = library.default_pose_folder() if folder is None else checks.file_path(folder, "A folder")
         return library.PoseLibrary(target).save(self.pose(name), overwrite)
 
     def take_pose(self, path: PathName, frame: int = 0) -> str:
@@ -93,7 +93,7 @@ class PosingMixin:
         """
         from faceposer.interchange.reading import read_pose
 
-        read = read_pose(Path(path), self.session.model, frame)
+        read = read_pose(checks.file_path(path), self.session.model, frame)
         self._start_from(read.coefficients, "Open a pose")
         return read.note
 
@@ -102,7 +102,7 @@ class PosingMixin:
             self.session.set_start(start)
 
     def _find_pose(self, name: PathName) -> Pose:
-        text = fspath(name)
+        text = checks.path_text(name, "A pose")
         if Path(text).suffix.lower() == library.SUFFIX:
             return read_pose(Path(text))
         own = library.PoseLibrary(library.default_pose_folder()).entries()

@@ -121,8 +121,9 @@ class SketchingMixin:
         from faceposer.session.drawings import Relative, add_sketches, read_drawing
 
         checked = face_view(self.character).camera((960, 960)) if camera is None else self._checked_camera(camera)
-        found, sketches = read_drawing(self.model, Path(path), checked, Relative.of(str(relative)))
-        add_sketches(self.session, sketches, Path(path).name)
+        drawing = checks.file_path(path)
+        found, sketches = read_drawing(self.model, drawing, checked, Relative.of(str(relative)))
+        add_sketches(self.session, sketches, drawing.name)
         return found
 
     @property

@@ -145,7 +145,9 @@ def test_wrong_address(tmp_path: Path, wrong: str, monkeypatch: pytest.MonkeyPat
         pass
 
 
-@pytest.mark.parametrize("wrong", ["nowhere", "tcp://a:1x", "tcp://a:99999", "tcp://:8786", "smoke://a:1", "", "inproc://a"])
+@pytest.mark.parametrize(
+    "wrong", ["nowhere", "tcp://a:1x", "tcp://a:99999", "tcp://:8786", "smoke://a:1", "", "inproc://a"]
+)
 def test_no_client_is_made_for_what_is_no_address(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def connect(*_: object, **__: object) -> None:
         raise AssertionError("a client that is never connected blocks when it is removed")

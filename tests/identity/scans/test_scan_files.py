@@ -60,7 +60,10 @@ def test_a_feature_point_that_was_moved_counts(tmp_path: Path) -> None:
         ({"points": [[0.0, 0.0, 0.0]] * 3}, "468"),
         ({"points": [[0.0, 0.0, 0.0]] * 468}, "fewer than three points"),
         ({"format": "faceposer.pins"}, "faceposer.landmarks"),
-        ({"points": [[1e300, 0.0, 0.0]] * 468}, r"points\[0\]\[0\] must be a number from -1e\+12 to 1e\+12, not 1e\+300"),
+        (
+            {"points": [[1e300, 0.0, 0.0]] * 468},
+            r"points\[0\]\[0\] must be a number from -1e\+12 to 1e\+12, not 1e\+300",
+        ),
         ({"points": [[1e-150 * i, 1e-150 * i * i, 0.0] for i in range(468)]}, "fewer than three points"),
         ({"spread": [1e300] * 468}, r"spread\[0\] must be a number from -1e\+12 to 1e\+12, not 1e\+300"),
         ({"feature_points": {"8.3": {"place": [0, 0, 10**13]}}}, r"place\[2\] must be a number from -1e\+12"),
