@@ -3,8 +3,10 @@
 import gc
 import re
 import weakref
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -180,6 +182,36 @@ def test_an_edited_head_has_the_clones_of_its_character(
     status, _, said = run_captured(capsys, "transfer", tmp_path / "old.json", "low", "-o", out, *options)
     assert (status, "outside the keys" in said) == (0, False)
     np.testing.assert_allclose(read_mesh(out).vertices, low.vertices, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda _: faceposer.load(5), "A face must be a text or a path, not 5"),
+        (lambda _: faceposer.load(None), "A face must be a text or a path, not None"),
+        (lambda _: faceposer.load(b"man"), "A face must be a text or a path"),
+        (lambda face: faceposer.new_head(base=face), "A face must be a text or a path"),
+        (lambda _: faceposer.new_head(attributes=5), "Values of attributes must be given by name"),
+        (lambda face: face.set_attributes(5), "Values of attributes must be given by name"),
+        (lambda face: face.set_attributes(age=True), "The attribute 'age' must be a number, not True"),
+        (lambda face: face.set_attributes({"age": 0.1}, age=0.2), "The attribute 'age' is given twice"),
+        (lambda face: face.set_attributes({"nose-length": 0.1}, nose_length=0.2), "'nose-length' is given twice"),
+        (lambda face: face.save_character(None), "The path must be a text or a path, not None"),
+        (lambda face: face.save(5), "The path must be a text or a path, not 5"),
+        (lambda face: face.render(5), "The path must be a text or a path, not 5"),
+        (lambda face: face.put_back(path=5), "The path must be a text or a path, not 5"),
+        (lambda face: face.export(5), "The path must be a text or a path, not 5"),
+        (lambda face: face.take_pose(5), "The path must be a text or a path, not 5"),
+        (lambda face: face.apply_pose(5), "A pose must be a text or a path, not 5"),
+        (lambda face: face.take_animation(5), "The path must be a text or a path, not 5"),
+        (lambda face: face.transfer_to(5), "A character must be a text or a path, not 5"),
+        (lambda _: faceposer.find_landmarks(5), "A photo must be a text or a path, not 5"),
+        (lambda _: faceposer.find_mesh_landmarks(5), "A mesh must be a text or a path, not 5"),
+    ],
+)
+def test_arguments_of_other_types_are_refused(face: Face, call: Callable[[Any], object], said: str) -> None:
+    with pytest.raises(FacePoserError, match=re.escape(said)):
+        call(face)
 
 
 def test_pictures_do_not_replace_the_photos_of_the_session(tmp_path: Path) -> None:
