@@ -11,6 +11,9 @@ from faceposer.errors import FacePoserError
 from faceposer.files import paths as path_checks
 from faceposer.files.temporary import remove_left, temporary_path
 
+# Errors of a full disk, and of a full share of one.
+_FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
+
 
 @contextmanager
 def atomic_file(path: Path, kind: str, durable: bool = True) -> Iterator[Path]:
@@ -206,6 +209,25 @@ def check_folder_of(path: Path) -> None:
         raise FacePoserError(f"The folder '{folder}' of the output is not writable; choose another.")
 
 
+def check_space(path: Path | None, size: int) -> None:
+    """Check that the disk of the output ``path`` has room for ``size`` bytes, before long work is done for it.
+
+    Raises:
+        FacePoserError: If it has not.
+    """
+    if path is None:
+        return
+    folder = path_checks.folder_of(path_checks.absolute(path))
+    with suppress(OSError):
+        disk = shutil.disk_usage(folder)
+        # Some network drives do not know how large they are.
+        if disk.total and disk.free < size:
+            raise FacePoserError(
+                f"The folder '{folder}' of the output has no room for '{path.name}': {disk.free >> 20} MB are free, "
+                f"and up to {max(size >> 20, 1)} MB are needed; free some space, or choose another folder."
+            )
+
+
 def check_sequence_folder(path: Path) -> None:
     """Check that ``atomic_folder`` could write the folder ``path``, before any work is done for it.
 
@@ -286,7 +308,8 @@ def _followed(path: Path, kind: str) -> Path:
 
 
 def _cannot(kind: str, path: Path, error: OSError) -> str:
-    return f"The {kind} '{path}' cannot be written: {error.strerror or error}."
+    remedy = "; free some space, or choose another folder" if error.errno in _FULL else ""
+    return f"The {kind} '{path}' cannot be written: {error.strerror or error}{remedy}."
 
 
 def _sync(path: Path, flags: int) -> None:

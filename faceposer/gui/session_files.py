@@ -345,7 +345,7 @@ class SessionFiles:
             return
         go_on, *others = question.choices
         choices = (Choice(go_on.label, lambda: self.guard(self._end)), *others)
-        self._context.dialogs.ask(replace(question, choices=choices))
+        self._context.dialogs.ask(replace(question, choices=choices, holds=lambda: self._quit_question() is not None))
 
     def guard(self, go_on: Callable[[], None]) -> None:
         """Ask about unsaved changes, then call ``go_on``; without such changes, call it at once."""

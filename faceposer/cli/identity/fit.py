@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.cli.arguments import output_path
-from faceposer.cli.identity.heads import check_titles
+from faceposer.cli.identity.heads import ROOM, check_titles
 from faceposer.errors import FacePoserError, counted
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_not_input, check_output, check_space
 
 NAME = "fit"
 
@@ -49,6 +49,7 @@ def run(options: argparse.Namespace) -> int:
     for path, suffix in outputs:
         if path is not None:
             check_output(path, suffix)
+            check_space(path, ROOM[suffix])
             check_not_input(path, *options.landmarks, options.model)
             check_not_of_meshes(path, *options.scans)
     check_titles(options)
@@ -57,11 +58,12 @@ def run(options: argparse.Namespace) -> int:
             f"--landmarks is given for {len(options.landmarks)} of "
             f"{counted(len(options.scans), 'scan')}; give it once for each scan, or leave it out."
         )
+    from faceposer.cli.opening import print_notes
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.files.writing import write_json
     from faceposer.identity.model_file import load_identity_model
     from faceposer.identity.scans.basis import basis_of
-    from faceposer.identity.scans.head_from_scans import head_from_scans, read_scan, shipped_basis
+    from faceposer.identity.scans.head_from_scans import doubts, head_from_scans, read_scan, shipped_basis
     from faceposer.identity.scans.landmarks_file import read_scan_landmarks
     from faceposer.identity.scans.pictures import distance_map
     from faceposer.identity.scans.scanned_character import scanned_character
@@ -85,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
         f"{report['used']:.0%} of the face on the scan, {report['seconds']:.0f} s"
     )
     print(f"{options.output} written")
+    print_notes(str(options.output), doubts(made))
     if options.report is not None:
         write_json(options.report, report, "report")
         print(f"{options.report} written")

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import number_between, output_path
-from faceposer.cli.identity.heads import check_titles
+from faceposer.cli.identity.heads import ROOM, check_titles
 from faceposer.errors import FacePoserError, counted, printable
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_not_input, check_output, check_space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,6 +73,7 @@ def run(options: argparse.Namespace) -> int:
     for path, suffix in outputs:
         if path is not None:
             check_output(path, suffix)
+            check_space(path, ROOM[suffix])
             check_not_input(path, *options.photos, *options.pins)
     check_titles(options)
     from faceposer.cli.progress_line import ProgressLine

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 #: Help for the argument that names a head.
 HEAD_HELP = "name of a character, character file (.npz) or session (.json)"
 
+#: Bytes that outputs take at most, by suffix.
+ROOM = {".npz": 32 << 20, ".json": 1 << 20, ".png": 4 << 20}
+
 
 @dataclass(frozen=True, eq=False)
 class OpenedHead:
@@ -43,9 +46,14 @@ def opened_head(what: str) -> OpenedHead:
     Raises:
         FacePoserError: If it cannot be read, or its head cannot be edited.
     """
+    from faceposer.geometry.mesh_io import MESH_SUFFIXES
     from faceposer.identity.editing import head_editor
     from faceposer.model.character_file import load_character
 
+    if Path(what).suffix.lower() in MESH_SUFFIXES:
+        raise FacePoserError(
+            f"'{what}' is a mesh, not a character; make a character of a scan with 'faceposer identity fit'."
+        )
     if Path(what).suffix.lower() != ".json":
         editor = head_editor(load_character(what))
         return OpenedHead(editor, editor.own)
@@ -149,9 +157,13 @@ def write_head(options: argparse.Namespace, editor: "HeadEditor", identity: "Ide
     Raises:
         FacePoserError: If the file cannot be written.
     """
+    from faceposer.identity.editing import head_editor
     from faceposer.identity.head_choices import named_character
     from faceposer.model.character_file import save_character
 
     name = (options.name or options.output.stem).strip()
-    save_character(options.output, named_character(editor, identity, name, (options.title or name).strip()))
-    print(f"{options.output} written: distance from the average {editor.distance(identity):.2f} (people: about 1)")
+    character = named_character(editor, identity, name, (options.title or name).strip())
+    save_character(options.output, character)
+    # The distance that 'identity info' finds in the file: the vertices know the head only as far as the modes reach.
+    written = head_editor(character)
+    print(f"{options.output} written: distance from the average {written.distance(written.own):.2f} (people: about 1)")

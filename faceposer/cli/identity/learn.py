@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from faceposer.cli.arguments import output_path, whole_number
-from faceposer.errors import FacePoserError
+from faceposer.cli.identity.heads import ROOM
+from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
-from faceposer.files.atomic import check_output
+from faceposer.files.atomic import check_output, check_space
 from faceposer.progress import Progress
 
 NAME = "learn"
@@ -37,15 +38,15 @@ def add_parser(subcommands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Learn the model, write it and return the exit status."""
     check_output(options.output, ".npz")
+    check_space(options.output, ROOM[".npz"])
     files = _scans_in(options.folder)
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.identity.model_file import load_identity_model, save_identity_model
     from faceposer.identity.scans.learning import FEWEST, learn_model, marked_file
 
     if len(files) < FEWEST:
-        raise FacePoserError(
-            f"The folder '{options.folder}' has {len(files)} meshes; a model needs at least {FEWEST} scans."
-        )
+        found = counted(len(files), "mesh", "meshes")
+        raise FacePoserError(f"The folder '{options.folder}' has {found}; a model needs at least {FEWEST} scans.")
     line = ProgressLine(log=True)
     try:
         with _mapper(options, line.progress) as mapper:

@@ -69,6 +69,7 @@ class Question:
         details: Additional text, such as a traceback, or "".
         bad: True for an error or a warning.
         default: Index of the choice for Enter: the last one if the first cannot be undone.
+        holds: Returns False once the question has lost its object; it then disappears.
     """
 
     title: str
@@ -77,6 +78,7 @@ class Question:
     details: str = ""
     bad: bool = False
     default: int = 0
+    holds: Callable[[], bool] = lambda: True
 
 
 @dataclass
@@ -140,7 +142,7 @@ class Dialogs:
         with modal("##question", width) as shown:
             if shown:
                 taken = self._draw_content(question)
-                if taken is not None:
+                if taken is not None or not question.holds():
                     self.waiting.remove(question)
                     imgui.close_current_popup()
         if taken is not None:

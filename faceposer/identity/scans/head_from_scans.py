@@ -21,6 +21,7 @@ from faceposer.identity.scans.baking import Layer, baked_layer, blended, has_col
 from faceposer.identity.scans.basis import HeadBasis, basis_of
 from faceposer.identity.scans.detail import Detail, find_detail
 from faceposer.identity.scans.fitting import HeadFit, fit_head
+from faceposer.identity.scans.residuals import UnmatchedError
 from faceposer.identity.scans.scan import (
     PlacedScan,
     ScanLandmarks,
@@ -45,6 +46,8 @@ _REPORTED = 0.5
 _SHOWN_WEIGHT = 0.02
 # Farthest that a vertex lies from the scan that it is said to lie on, in centimetres.
 _ON_SCAN = 0.4
+# Least share of the face on a scan that matches its landmarks, and that from which nobody need look for a mistake.
+_LEAST_SHARE, _USUAL_SHARE = 0.3, 0.7
 # Weight of the displacement of a vertex that does not lie on a scan, beside those that do.
 _UNKNOWN = 1e-3
 
@@ -57,11 +60,18 @@ class Scan:
         name: Name for messages.
         mesh: The surface with its colours, in any unit and axes.
         landmarks: Its known points; they are looked for if None.
+        path: Path of its file; "" if it is of none.
     """
 
     name: str
     mesh: PaintedMesh
     landmarks: ScanLandmarks | None = None
+    path: str = ""
+
+    @property
+    def label(self) -> str:
+        """What messages call the scan, so that its file is found."""
+        return self.path or self.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +132,7 @@ def read_scan(path: str, landmarks: ScanLandmarks | None = None) -> Scan:
             f"The scan '{path}' has {len(mesh.vertices)} vertices; reduce it to at most {_MOST_VERTICES}, or cut out "
             "the head."
         )
-    return Scan(Path(path).name, mesh, landmarks)
+    return Scan(Path(path).name, mesh, landmarks, path)
 
 
 @lru_cache(maxsize=1)
@@ -162,8 +172,12 @@ def head_from_scans(
     progress.at("Preparing the model")
     basis, model = basis or shipped_basis(), model or load_identity_model()
     scans = [marked_scan(scan, progress) for scan in scans]
-    placed = [placed_scan(basis, scan.mesh, known_landmarks(scan), scan.name) for scan in scans]
-    fit = fit_head(basis, [scan.data for scan in placed], progress=progress)
+    placed = [placed_scan(basis, scan.mesh, known_landmarks(scan), scan.label) for scan in scans]
+    try:
+        fit = fit_head(basis, [scan.data for scan in placed], progress=progress)
+    except UnmatchedError as error:
+        of = " or ".join(known_landmarks(scan).of(scan.label) for scan in scans)
+        raise FacePoserError(f"{of} do not match it: move them to their places, or scan more of the face.") from error
     fitted, details = [], []
     for number, (scan, place) in enumerate(zip(scans, placed, strict=True)):
         mesh = place.moved(fit.scans[number].frame)
@@ -182,6 +196,15 @@ def head_from_scans(
     return HeadFromScans(skin, textures, fit, tuple(fitted), report)
 
 
+def doubts(made: HeadFromScans) -> str:
+    """Return a sentence on scans that few vertices of the face lie on, so that somebody checks landmarks; or ""."""
+    doubtful = [scan for scan in made.scans if scan.report["used"] < _USUAL_SHARE]
+    if not doubtful:
+        return ""
+    shares = ", ".join(f"{scan.report['used']:.0%} on '{scan.scan.name}'" for scan in doubtful)
+    return f"Little of the face lies on the scan: {shares}. Check the landmarks, if the scan shows all of the face."
+
+
 def marked_scan(scan: Scan, progress: Progress) -> Scan:
     """Return ``scan`` with its landmarks and its texture the right way up.
 
@@ -191,7 +214,7 @@ def marked_scan(scan: Scan, progress: Progress) -> Scan:
     """
     if scan.landmarks is not None:
         return replace(scan, mesh=upright_texture(scan.mesh, scan.landmarks))
-    mesh, landmarks = find_scan_landmarks(scan.mesh, scan.name, progress)
+    mesh, landmarks = find_scan_landmarks(scan.mesh, scan.label, progress)
     return replace(scan, mesh=mesh, landmarks=landmarks)
 
 
@@ -226,8 +249,12 @@ def _fitted(
     facing = np.einsum("nd,nd->n", closest.normals, basis.normals(posed)) > 0.5
     counted = basis.trust >= _REPORTED
     used = (closest.distances < _ON_SCAN) & ~closest.at_border & facing & (basis.trust > 0.0)
-    if not (used & counted).any():
-        raise FacePoserError(f"The scan '{scan.name}' does not match its landmarks; move them to their places.")
+    share = float((used & counted).sum() / counted.sum())
+    if share < _LEAST_SHARE:
+        raise FacePoserError(
+            f"{known_landmarks(scan).of(scan.label)} do not match it: {share:.0%} of the face would lie on the scan; "
+            "move them to their places."
+        )
     apart = np.linalg.norm(
         state.frame.apply(data.places) - np.einsum("mcd,mc->md", posed[data.rows], data.shares), axis=1
     )
@@ -239,7 +266,7 @@ def _fitted(
         "landmark_mm": round(10.0 * float(np.median(apart)), 4),
         "surface_mm_median": round(float(np.median(distances)), 4),
         "surface_mm_mean": round(float(distances.mean()), 4),
-        "used": round(float((used & counted).sum() / counted.sum()), 4),
+        "used": round(share, 4),
         "unit_cm": float(f"{float(frame.scale):.5g}"),
         "expression": {name: round(weight, 3) for name, weight in shown if weight >= _SHOWN_WEIGHT},
     }

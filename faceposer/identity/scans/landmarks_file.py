@@ -1,6 +1,7 @@
 """Landmarks of a scan from the file that ``faceposer landmarks`` writes (docs/landmarks.md), as it is or edited."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 _MAX_BYTES = 16 << 20
 # Distance in centimetres from the place that the 468 points imply, from which a feature point counts as moved by hand.
 _MOVED = 0.1
+# Distance of a point from the middle of the face in median distances, beyond which it is a mistake.
+_FARTHEST = 100.0
 # Extent below which points are at one place: scaled to a head, other coordinates would have no finite squares.
 _SMALLEST = 1.0 / FARTHEST
 _Number = Annotated[float, msgspec.Meta(ge=-FARTHEST, le=FARTHEST)]
@@ -57,7 +60,7 @@ def read_scan_landmarks(path: Path) -> ScanLandmarks:
     Raises:
         FacePoserError: If the file cannot be read, is not of a mesh, or has too few points.
     """
-    return read_json(path, "file of landmarks", _landmarks_of, _MAX_BYTES)
+    return replace(read_json(path, "file of landmarks", _landmarks_of, _MAX_BYTES), path=str(path))
 
 
 def _landmarks_of(data: Any) -> ScanLandmarks:
@@ -71,9 +74,26 @@ def _landmarks_of(data: Any) -> ScanLandmarks:
         spread = np.array([0.0 if value is None else max(value, 0.0) for value in content.spread])
     features = {name: np.array(feature.place) for name, feature in content.feature_points.items()}
     known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
+    _check_near({f"points[{index}]": points[index] for index in np.flatnonzero(known)}, points[known])
+    _check_near({f"feature_points.{name}.place": place for name, place in features.items()}, points[known])
     if not determines_rotation(points[known]) or np.ptp(points[known], axis=0).max() < _SMALLEST:
         raise FacePoserError("it has fewer than three points that are not on a line; find the landmarks again.")
     return ScanLandmarks(points, spread, _moved(points, spread, known, features))
+
+
+def _check_near(places: Mapping[str, Array], points: Array) -> None:
+    """Check that ``places``, by the name of their keys, are where most of the ``points`` of the face are.
+
+    Raises:
+        FacePoserError: If one is not; the message names it.
+    """
+    if not len(points):
+        return
+    middle = np.median(points, axis=0)
+    usual = float(np.median(np.linalg.norm(points - middle, axis=1)))
+    for key, place in places.items():
+        if np.linalg.norm(place - middle) > _FARTHEST * usual > 0.0:
+            raise FacePoserError(f"{key} is far away from the other points; move it to the face, or remove it.")
 
 
 def _moved(points: Array, spread: Array, known: NDArray[np.bool_], features: dict[str, Array]) -> dict[str, Array]:

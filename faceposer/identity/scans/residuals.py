@@ -208,13 +208,17 @@ def _inner_vertices(surface: ScanSurface) -> tuple[NDArray[np.int64], Array]:
     return inner, np.asarray(areas[inner])
 
 
+class UnmatchedError(FacePoserError):
+    """Raised if too little of a scan lies where its landmarks are."""
+
+
 def _used(basis: HeadBasis, vertices: NDArray[np.int64]) -> Mask:
     """Return the mask of ``vertices``, (N,); if they are too few, the scan lies elsewhere."""
     used = np.zeros(len(basis.mean), dtype=bool)
     used[vertices] = True
     control = slice(basis.n_control)
     if basis.trust[control][used[control]].sum() < _LEAST_USED * basis.trust[control].sum():
-        raise FacePoserError(
+        raise UnmatchedError(
             "The scan does not match its landmarks: move them to their places, or scan more of the face."
         )
     return used

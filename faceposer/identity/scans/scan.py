@@ -38,11 +38,18 @@ class ScanLandmarks:
         points: The 468 landmarks, NaN where one is not known, shape (468, 3).
         spread: Their uncertainty, in the unit of the scan, shape (468,).
         features: Places of MPEG-4 feature points that somebody has placed, by their names.
+        path: Path of their file; "" if they are of none.
     """
 
     points: Array
     spread: Array
     features: dict[str, Array]
+    path: str = ""
+
+    def of(self, scan: str) -> str:
+        """Return what messages call the landmarks of the file ``scan``."""
+        file = f"in '{self.path}' " if self.path else ""
+        return f"The landmarks {file}of the scan '{scan}'"
 
 
 def found_landmarks(found: MeshLandmarks) -> ScanLandmarks:
@@ -66,7 +73,8 @@ def find_scan_landmarks(
             mesh, found = upright, find_mesh_landmarks(upright, progress=progress)
     if found is None:
         raise FacePoserError(
-            f"No face was found on '{name}'; give a scan of a head with its face, or its landmarks in a file."
+            f"No face was found on '{name}'; give a scan of a head with its face. 'faceposer identity fit --landmarks' "
+            "takes landmarks that you give."
         )
     return mesh, found_landmarks(found)
 

@@ -10,7 +10,7 @@ from faceposer.geometry.alignment import Similarity
 from faceposer.geometry.camera import Camera
 from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.identity.registration import align
-from faceposer.identity.scans.head_from_scans import Scan, head_from_scans, read_scan, shipped_basis
+from faceposer.identity.scans.head_from_scans import Scan, doubts, head_from_scans, read_scan, shipped_basis
 from faceposer.identity.scans.landmarks_file import implied_features
 from faceposer.identity.scans.pictures import distance_map
 from faceposer.identity.scans.scan import ScanLandmarks, find_scan_landmarks
@@ -99,7 +99,7 @@ def find_landmarks(files: Sequence[str], progress: Progress) -> list[MarkedScan]
         progress.at("Reading the scan")
         scan = read_scan(path)
         progress.at("Finding the face")
-        mesh, landmarks = find_scan_landmarks(scan.mesh, scan.name, progress)
+        mesh, landmarks = find_scan_landmarks(scan.mesh, scan.label, progress)
         marked.append(_marked(replace(scan, mesh=mesh, landmarks=landmarks)))
     return marked
 
@@ -136,8 +136,11 @@ def fit_head(marked: Sequence[MarkedScan], detail: bool, texture: bool, title: s
     character = scanned_character(made, file_stem(shown), shown)
     report = made.report
     text = (
-        f"Distance of the face from the scan: {report['surface_mm_median']:.2f} mm (median). Left the scan, middle the "
-        "head, right the distance, from blue at 0 to red at 2 mm and more. Hair, lids, ears and neck are not "
-        "followed."
+        f"Distance of the face from the scan: {report['surface_mm_median']:.2f} mm in the median and "
+        f"{report['surface_mm_mean']:.2f} mm in the mean of the {report['used']:.0%} of the face that lie on it. "
+        "Left the scan, middle the head, right the distance, from blue at 0 to red at 2 mm and more. Hair, lids, ears "
+        "and neck are not followed."
     )
+    if said := doubts(made):
+        text = f"{said} {text}"
     return MadeHead(character, text, distance_map(shipped_basis(), made.scans[0]))
