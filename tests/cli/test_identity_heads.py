@@ -1,6 +1,7 @@
 """The subcommands of ``faceposer identity`` that make and describe heads."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,9 @@ def test_new_heads_are_those_of_the_interface(capsys: pytest.CaptureFixture[str]
     status, out, _ = run_captured(capsys, "identity", "new", "-o", tmp_path / "me.npz", *words)
     assert status == 0
     assert "me.npz written" in out
+    _, told, _ = run_captured(capsys, "identity", "info", tmp_path / "me.npz")
+    found = [re.search(r"distance from the average:? ([.\d]+)", text) for text in (out, told)]
+    assert found[0] and found[1] and found[0][1] == found[1][1]
     mine, theirs = load_character(tmp_path / "me.npz"), load_character(old)
     assert (mine.name, mine.title) == ("me", "Old")
     np.testing.assert_array_equal(mine.vertices, theirs.vertices)

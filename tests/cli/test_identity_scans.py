@@ -2,13 +2,15 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from faceposer.identity.scans.basis import HeadBasis
-from faceposer.identity.scans.head_from_scans import shipped_basis
+from faceposer.identity.scans.head_from_scans import doubts, shipped_basis
 from faceposer.model.character_file import load_character
 from tests.command_line import run_captured
 
@@ -77,6 +79,8 @@ def test_a_scan_becomes_a_character(
         ),
         (("fit", "a.obj", "-o", "me.obj"), "me.obj"),
         (("learn", ".", "-o", "model.npz"), "needs at least 3 scans"),
+        (("info", "head.obj"), "'head.obj' is a mesh, not a character; make a character of a scan with"),
+        (("new", "--base", "head.ply", "-o", "me.npz"), "'head.ply' is a mesh, not a character"),
         (("learn", "nowhere", "-o", "model.npz"), "is not a folder"),
         (("learn", ".", "-o", "model.npz", "--rounds", "0"), "not a whole number from 1"),
     ],
@@ -91,7 +95,7 @@ def test_bad_input_gets_one_sentence(
     assert status == 2
     assert message in errors
     assert errors.count("\n") == 1
-    assert not Path(words[words.index("-o") + 1]).exists()
+    assert not list(tmp_path.glob("m*"))
 
 
 @pytest.mark.parametrize("texture", ["scan.png", "skin.png"])
@@ -111,3 +115,39 @@ def test_textures_of_a_scan_are_inputs(tmp_path: Path, capsys: Capture, texture:
         assert (status, errors.count("\n")) == (2, 1)
         assert f"'{picture}' is also an input; give the output another name." in errors
     assert picture.read_bytes() == content
+
+
+def test_landmarks_of_the_other_side_do_not_match(scan: Path, landmarks: Path, tmp_path: Path, capsys: Capture) -> None:
+    data = json.loads(landmarks.read_text())
+    data["points"] = [[-x, y, z] for x, y, z in data["points"]]
+    landmarks.write_text(json.dumps(data))
+    out = tmp_path / "me.npz"
+    status, _, errors = run_captured(capsys, "identity", "fit", scan, "-o", out, "--landmarks", landmarks)
+    assert (status, errors.count("\n")) == (2, 1)
+    assert f"The landmarks in '{landmarks}' of the scan '{scan}' do not match it" in errors
+    assert not out.exists()
+
+
+def test_little_of_a_face_on_a_scan_is_said() -> None:
+    def made(*shares: float) -> Any:
+        names = ("a.obj", "b.obj")
+        scans = [
+            SimpleNamespace(scan=SimpleNamespace(name=n), report={"used": s})
+            for n, s in zip(names, shares, strict=True)
+        ]
+        return SimpleNamespace(scans=tuple(scans))
+
+    assert doubts(made(0.95, 0.8)) == ""
+    assert doubts(made(0.95, 0.35)).startswith(
+        "Little of the face lies on the scan: 35% on 'b.obj'. Check the landmarks"
+    )
+
+
+def test_a_full_disk_is_said_before_the_fit(
+    scan: Path, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(total=1 << 30, free=2 << 20))
+    words = ["identity", "fit", scan, "-o", tmp_path / "me.npz"]
+    status, _, errors = run_captured(capsys, *words)
+    assert (status, errors.count("\n")) == (2, 1)
+    assert "has no room for 'me.npz': 2 MB are free, and up to 32 MB are needed; free some space, or choose" in errors

@@ -66,6 +66,24 @@ def test_the_buttons_of_long_questions_are_in_the_window(
     assert_visible(robot, ("choice:0", "choice:1", "choice:2"))
 
 
+def test_a_question_disappears_with_its_object(open_window: OpenWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = open_window("low", (900, 600))
+    app, working = robot.app, [True]
+    question = Question("Cancel the work and quit?", "A head is being made.", (Choice("Quit"), Choice("Continue")))
+    monkeypatch.setattr(app.files, "_quit_question", lambda: question if working else None)
+    app.files.quit()
+    robot.frames(4)
+    assert "choice:0" in app.widget_rects
+    working.clear()
+    robot.frames(4)
+    assert not app.dialogs.open
+    assert not app.is_modal
+    assert "choice:0" not in app.widget_rects
+    app.dialogs.ask(Question("Another", "It is shown as usual."))
+    robot.frames(4)
+    assert "choice:0" in app.widget_rects
+
+
 @pytest.mark.parametrize("scale", [0.75, 1.0, 1.25, 1.5, 2.0])
 def test_a_question_that_fits_has_no_scroll_bar(scale: float, open_window: OpenWindow) -> None:
     robot = open_window("low", (1200, 800), ui_scale=scale)

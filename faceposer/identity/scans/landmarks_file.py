@@ -75,9 +75,9 @@ def _landmarks_of(data: Any) -> ScanLandmarks:
     features = {name: np.array(feature.place) for name, feature in content.feature_points.items()}
     known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
     _check_near({f"points[{index}]": points[index] for index in np.flatnonzero(known)}, points[known])
-    _check_near({f"feature_points.{name}.place": place for name, place in features.items()}, points[known])
     if not determines_rotation(points[known]) or np.ptp(points[known], axis=0).max() < _SMALLEST:
         raise FacePoserError("it has fewer than three points that are not on a line; find the landmarks again.")
+    _check_near({f"feature_points.{name}.place": place for name, place in features.items()}, points[known])
     return ScanLandmarks(points, spread, _moved(points, spread, known, features))
 
 

@@ -236,13 +236,16 @@ def test_a_small_window_shows_the_step_as_a_line(tmp_path: Path, size: tuple[int
 def test_only_the_first_start_shows_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.setattr("faceposer.gui.settings.state_folder", lambda: tmp_path / "faceposer")
-    first = load_settings()
+    first, written = load_settings(), []
     assert not first.welcome_done
+    monkeypatch.setattr(App, "save_settings", lambda app: written.append(app.settings.welcome_done))
     assert Settings().welcome_done
     app = draw_few_pixels(App("man", hidden=True, threaded=False, settings=first))
     try:
         Robot(app)
         assert app.features[GuideFeature].shown
+        # At once, not only when the window closes.
+        assert written == [True]
     finally:
         app.close()
     assert first.welcome_done

@@ -19,6 +19,8 @@ from faceposer.landmarks.reference import reference
 from faceposer.model.character_file import load_character
 from tests.identity.meshes import ELSEWHERE
 
+FAR = [*reference().places[:3].tolist(), [1e9, 0.0, 0.0], *reference().places[4:].tolist()]
+
 
 def landmarks_file(path: Path, **changes: object) -> Path:
     """Write landmarks of the man elsewhere, with the feature point of his left mouth corner."""
@@ -67,6 +69,11 @@ def test_a_feature_point_that_was_moved_counts(tmp_path: Path) -> None:
         ({"points": [[1e-150 * i, 1e-150 * i * i, 0.0] for i in range(468)]}, "fewer than three points"),
         ({"spread": [1e300] * 468}, r"spread\[0\] must be a number from -1e\+12 to 1e\+12, not 1e\+300"),
         ({"feature_points": {"8.3": {"place": [0, 0, 10**13]}}}, r"place\[2\] must be a number from -1e\+12"),
+        (
+            {"feature_points": {"8.3": {"place": [0, 0, 10**9]}}},
+            r"feature_points\.8\.3\.place is far away from the other",
+        ),
+        ({"points": FAR}, r"points\[3\] is far away from the other points; move it to the face, or remove it"),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, changes: dict[str, object], message: str) -> None:

@@ -107,7 +107,10 @@ class GuideFeature(Feature):
         self._rectangle = None
         if self._guide is None:
             return
-        context.settings.welcome_done = True
+        if not context.settings.welcome_done:
+            # Written at once: a window that is ended from outside writes nothing at its end.
+            context.settings.welcome_done = True
+            context.save_settings()
         viewport = context.viewport
         width = min(em(_WIDTH), viewport.size[0] - 2.0 * em(_MARGIN))
         left, top = viewport.origin[0] + em(_MARGIN), viewport.origin[1] + em(_MARGIN)
