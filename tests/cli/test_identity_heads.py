@@ -39,7 +39,9 @@ def test_new_heads_are_those_of_the_interface(capsys: pytest.CaptureFixture[str]
     assert "me.npz written" in out
     _, told, _ = run_captured(capsys, "identity", "info", tmp_path / "me.npz")
     found = [re.search(r"distance from the average:? ([.\d]+)", text) for text in (out, told)]
-    assert found[0] and found[1] and found[0][1] == found[1][1]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[0][1] == found[1][1]
     mine, theirs = load_character(tmp_path / "me.npz"), load_character(old)
     assert (mine.name, mine.title) == ("me", "Old")
     np.testing.assert_array_equal(mine.vertices, theirs.vertices)
