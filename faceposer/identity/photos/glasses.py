@@ -35,13 +35,13 @@ _BROWS = 0.6
 # Half the least width of a frame, with its shade, and the largest, in centimetres; least share of its own darkness.
 _LEAST_WIDTH, _MOST_WIDTH, _SHARE = 0.12, 0.6, 0.3
 # What is left out about a frame, in centimetres.
-_MARGIN = 0.15
+_MARGIN = 0.1
 # Least mean and median darkness of the lower half of a frame, and least darkness of bridge and temples.
 _DISTINCT, _WEAKEST = 0.3, 0.1
 # Farthest bridge from the middle, and nearest temple, and heights over the eyes between which they lie, in centimetres.
 _BRIDGE, _TEMPLE, _LEVELS = 2.0, 4.4, (-1.2, 2.2)
 # Logarithms by which glasses' reflections are brighter than skin: the first counts fully, the second not at all.
-_GLARE = (0.12, 0.3)
+_GLARE = (0.3, 0.5)
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,8 @@ _DARKEST = 0.25
 _BLACK = 0.02
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
 _FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
+# Least half width of large areas of hair, and reach of strands beside them, in texels.
+_LARGE, _STRANDS = 14, (12.0, 24.0)
 #: Landmarks on the brows without their outer ends, whose colours are no skin's, and the distance from them, in
 #: centimetres, that is brow.
 _BROWS = (105, 66, 107, 55, 65, 52, 334, 296, 336, 285, 295, 282)
@@ -231,9 +233,20 @@ def _plausible(colours: Array, weights: Array, model: Array, texels: Texels, tol
     smooth = grid[texels.at, :3] / np.maximum(grid[texels.at, 3:], 1e-6)
     usual = np.median(smooth[weights > 0.5], axis=0) if (weights > 0.5).any() else np.zeros(3)
     off = np.abs(smooth - usual).max(axis=1) / tolerance
-    result: Array = np.maximum(1.0 - _smooth(off, (_FOREIGN, 2.0 * _FOREIGN)), texels.brows)
+    foreign = _smooth(off, (_FOREIGN, 2.0 * _FOREIGN))
+    result: Array = np.maximum(1.0 - np.maximum(foreign, _beside(foreign, weights, texels)), texels.brows)
     bare = texels.front.kept((logs - usual) / tolerance, weights)
     return result if bare is None else result * bare
+
+
+def _beside(foreign: Array, weights: Array, texels: Texels) -> Array:
+    """Return how much texels lie beside large areas that are not of the skin, as strands beside hair, (n,)."""
+    grid = np.zeros(_SIDE * _SIDE, dtype=bool)
+    grid[texels.at] = (foreign > 0.9) & (weights > 0.0)
+    large = ndimage.binary_opening(grid.reshape(_SIDE, _SIDE), iterations=_LARGE)
+    distance = ndimage.distance_transform_edt(~large) if large.any() else np.full(large.shape, np.inf)
+    result: Array = 1.0 - _smooth(distance.ravel()[texels.at], _STRANDS)
+    return result
 
 
 def _extended(image: Image32, known: NDArray[np.bool_]) -> Image32:
