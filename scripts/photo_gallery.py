@@ -29,7 +29,7 @@ Pixels = NDArray[np.uint8]
 
 _WIDTH, _HEIGHT, _QUALITY = 360, 420, 88
 # Height of the photo around the face, in heights of the face, and where its middle lies.
-_ROOM, _MIDDLE = 2.0, 0.42
+_ROOM, _MIDDLE = 1.8, 0.42
 # Names, expression and turn of the views after that of the photo.
 _VIEWS = (
     ("neutral", "", 0.0),
@@ -91,7 +91,7 @@ def _camera(model: FaceModel, yaw: float, size: tuple[int, int]) -> Camera:
     character = model.character
     middle = character.vertices[character.regions["nose"]].mean(axis=0)
     target = (0.0, float(middle[1]) + 0.5, float(middle[2]) - 6.0)
-    return OrbitView(target, yaw, 0.0, distance=70.0).camera(size)
+    return OrbitView(target, yaw, 0.0, distance=84.0).camera(size)
 
 
 def main() -> int:

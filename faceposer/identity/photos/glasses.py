@@ -1,8 +1,8 @@
-"""Frames of glasses in a photo: rings around both eyes that are darker, in some channel, than the skin beside them.
+"""Frames of glasses in a photo: rings around both eyes, in some channel darker or lighter than the skin beside them.
 
 The logarithms of the photo's colours over those of the texture model's skin in the light found are looked at from the
-front of the average head. About each eye, the closed curve that is darkest for its surroundings is found by dynamic
-programming in polar coordinates (as in the shortest paths of E. Mortensen and W. Barrett, "Intelligent scissors for image
+front of the average head. About each eye, the closed curve that differs most from its surroundings is found by dynamic
+programming in polar coordinates (as the paths of E. Mortensen and W. Barrett, "Intelligent scissors for image
 composition", SIGGRAPH 1995). Bags under the eyes, wrinkles and brows make parts of such curves, but only frames are
 distinct below both eyes at once.
 """
@@ -32,14 +32,18 @@ _RADII = np.arange(1.5, 4.2, _STEP)
 _UNLIKE = 4
 # How much less brows count.
 _BROWS = 0.6
+# Least share of brows at a frame that covers them, and at points that are brows beside it.
+_ON_BROW, _BESIDE_BROW = 0.5, 0.2
+# Largest width over a brow relative to the usual one.
+_OVER_BROW = 1.5
 # Half the least width of a frame, with its shade, and the largest, in centimetres; least share of its own darkness.
 _LEAST_WIDTH, _MOST_WIDTH, _SHARE = 0.12, 0.6, 0.3
 # What is left out about a frame, in centimetres.
 _MARGIN = 0.1
 # Least mean and median darkness of the lower half of a frame, and least darkness of bridge and temples.
-_DISTINCT, _WEAKEST = 0.3, 0.1
+_DISTINCT, _WEAKEST = 0.2, 0.2
 # Farthest bridge from the middle, and nearest temple, and heights over the eyes between which they lie, in centimetres.
-_BRIDGE, _TEMPLE, _LEVELS = 2.0, 4.4, (-1.2, 2.2)
+_BRIDGE, _TEMPLE, _LEVELS = 1.6, 4.4, (-1.2, 1.4)
 # Logarithms by which glasses' reflections are brighter than skin: the first counts fully, the second not at all.
 _GLARE = (0.3, 0.5)
 
@@ -109,7 +113,7 @@ class FrontView:
             logs: Logarithms of colours over those of the skin expected, about 0 for skin, shape (n, 3).
             weights: How much each texel is seen, 0 to 1, shape (n,).
         """
-        darkness = self._darkness(logs.min(axis=1), weights)
+        darkness = np.maximum(self._darkness(logs.min(axis=1), weights), self._darkness(-logs.max(axis=1), weights))
         frames = self.frames(darkness)
         if not all(frame.distinct for frame in frames):
             return None
@@ -144,7 +148,7 @@ class FrontView:
         return np.asarray(self._of_grid(self._blurred(*self._grids(values, weights), 0.1)), dtype=np.float64)
 
     def _darkness(self, values: Array, weights: Array) -> Array:
-        """Return how much darker points are than their surroundings, shape (h, w)."""
+        """Return how much less ``values`` are at points than about them, shape (h, w)."""
         values, seen = self._grids(values, weights)
         around = self._blurred(np.maximum(values, _DARK), seen, _AROUND)
         result: Array = np.clip(around - values, 0.0, _MOST) * (seen > 0.1)
@@ -157,9 +161,9 @@ class FrontView:
         common = _closed_path(sum(ndimage.maximum_filter1d(score, 2 * _UNLIKE + 1, axis=1) for score in scores))
         far = np.abs(np.arange(scores[0].shape[1]) - common[:, None]) > 2 * _UNLIKE
         result = []
-        for (dark, _), score, eye, side in zip(polar, scores, self.eyes, self._sides, strict=True):
+        for (dark, brows), score, eye, side in zip(polar, scores, self.eyes, self._sides, strict=True):
             path = _closed_path(np.where(far, -1.0, score))
-            result.append(_frame(dark, path, eye, side))
+            result.append(_frame(dark, brows, path, eye, side))
         return result
 
     def _polar(self, darkness: Array, eye: Array, side: float) -> tuple[Array, Array]:
@@ -175,21 +179,29 @@ class FrontView:
         zone = ((np.abs(x) < _BRIDGE) | (np.abs(x) > _TEMPLE)) & (level > _LEVELS[0]) & (level < _LEVELS[1]) & ~inside
         texels = self._texels.reshape(self._shape)
         known = self._known.reshape(self._shape)
-        start, allowed = masked[texels] & known, zone[texels] & known & (darkness > _WEAKEST)
+        start, allowed = (
+            masked[texels] & known,
+            zone[texels] & known & (darkness > _WEAKEST) & (self._brows < _BESIDE_BROW),
+        )
         grown = ndimage.binary_propagation(start & zone[texels], mask=allowed | start) & allowed
         grown = ndimage.binary_dilation(grown, iterations=round(_MARGIN / _STEP))
         return np.asarray(self._of_grid(grown), dtype=np.bool_) & zone
 
 
-def _frame(dark: Array, path: NDArray[np.int64], eye: Array, side: float) -> Frame:
+def _frame(dark: Array, brows: Array, path: NDArray[np.int64], eye: Array, side: float) -> Frame:
     """Return the frame along the ``path``, (d,), in the darkness about an eye, (d, r)."""
-    found = dark[np.arange(_DIRECTIONS), path]
+    rows = np.arange(_DIRECTIONS)
+    found = dark[rows, path]
+    # A brow beside the frame is none of it.
+    beside = brows[rows, path] < _ON_BROW
+    dark = np.where(beside[:, None], dark * (brows < _BESIDE_BROW), dark)
     widths = np.zeros(_DIRECTIONS)
     for k in range(_DIRECTIONS):
         clear = np.flatnonzero(dark[k] < max(_SHARE * found[k], 0.05))
         inner, outer = clear[clear < path[k]], clear[clear > path[k]]
         ends = (inner[-1] if len(inner) else 0, outer[0] if len(outer) else len(_RADII))
         widths[k] = _STEP * max(path[k] - ends[0], ends[1] - path[k])
+    widths[~beside] = np.minimum(widths[~beside], _OVER_BROW * np.median(widths))
     widths = ndimage.maximum_filter1d(np.clip(widths, _LEAST_WIDTH, _MOST_WIDTH), 3, mode="wrap")
     return Frame(eye, side, _RADII[path], widths, found)
 
