@@ -18,9 +18,10 @@ Ints = NDArray[np.int32]
 _MIDDLES = np.array([[0.0, 0.3, -2.5], [0.0, 0.8, -5.0], [0.0, 0.8, -7.5]])
 #: Distance from these beyond which skin does not cover the cavity, in centimetres of the reference.
 _REACH = 17.0
-#: Number of the skin's vertices that tell how far away it is, the angle in radians around a direction within which they
-#: do, and how many of them count in any case, or for its motion.
-_AROUND, _ANGLE, _ALWAYS = 40, 0.26, 3
+#: Number of the skin's vertices that tell how far away it is, and the angle in radians around a direction within which
+#: they do; the number of them that tell how it moves, and the angle within which so many do where vertices are sparse;
+#: how far beyond the farthest point they are, in centimetres.
+_AROUND, _ANGLE, _FRONT, _SPARSE, _BEYOND = 40, 0.26, 3, 0.5, 1.0
 #: Least depth of the cavity below the skin, unless the reference's has less, in centimetres.
 _DEPTH = 0.45
 #: Distance from the contact of the lips up to which the lining belongs to the lips, in centimetres.
@@ -114,7 +115,7 @@ class Cavity:
             scale: Size of the mouth relative to the reference's.
         """
         result, share = points.copy(), np.zeros(len(points))
-        fronts = np.zeros((len(points), _ALWAYS), dtype=np.intp)
+        fronts = np.zeros((len(points), _FRONT), dtype=np.intp)
         for k, middle in enumerate(middles):
             which = np.flatnonzero(part.middle_of == k)
             reach, distance, fronts[which] = self._towards(points[which], skin, middle)
@@ -125,14 +126,16 @@ class Cavity:
 
     def _towards(self, points: Floats, skin: Floats, centre: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
         """Return how far from ``centre`` the skin is in the directions of ``points``, how far they are, and where."""
-        cover = skin[self._cover] - centre
-        radii = np.linalg.norm(cover, axis=1)
         away = points - centre
         distance = np.linalg.norm(away, axis=1)
+        radii = np.linalg.norm(skin[self._cover] - centre, axis=1)
+        # Skin beyond the points, such as the neck's under the throat, would only hide what is in front of it.
+        close = np.argsort(radii)[: max(np.count_nonzero(radii < distance.max(initial=0.0) + _BEYOND), _AROUND)]
+        cover, radii = self._cover[close], radii[close]
         directions = away / np.maximum(distance, 1e-9)[:, None]
-        angle, nearest = cKDTree(cover / radii[:, None]).query(directions, k=_AROUND)
+        angle, nearest = cKDTree((skin[cover] - centre) / radii[:, None]).query(directions, k=_AROUND)
         counts = angle < _ANGLE
-        counts[:, :_ALWAYS] = True
+        counts[:, :_FRONT] = angle[:, :_FRONT] < _SPARSE
         reaches = np.where(counts, radii[nearest], np.inf)
-        first = np.argpartition(reaches, _ALWAYS, axis=1)[:, :_ALWAYS]
-        return reaches.min(axis=1), distance, self._cover[np.take_along_axis(nearest, first, axis=1)]
+        first = np.argpartition(reaches, _FRONT, axis=1)[:, :_FRONT]
+        return reaches.min(axis=1), distance, cover[np.take_along_axis(nearest, first, axis=1)]
