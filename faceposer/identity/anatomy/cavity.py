@@ -24,8 +24,9 @@ _REACH = 17.0
 _AROUND, _ANGLE, _FRONT, _SPARSE, _BEYOND = 40, 0.26, 3, 0.5, 1.0
 #: Least depth of the cavity below the skin, unless the reference's has less, in centimetres.
 _DEPTH = 0.45
-#: Distance from the contact of the lips up to which the lining belongs to the lips, in centimetres.
-_FROM_LIPS = 1.2
+#: Distance from the contact of the lips up to which the lining belongs to the lips, and distances over which the share of
+#: the reference's depth that must remain rises from the one given, so that cheeks are close to the teeth, in centimetres.
+_FROM_LIPS, _CHEEKS, _OF_CHEEKS = 0.6, (1.0, 2.5), 0.4
 #: Share of the way to the skin that remains at least.
 _CLOSEST = 0.1
 #: Distances by which a point was drawn in over which it takes on the motion of the skin in front of it, in centimetres.
@@ -89,8 +90,8 @@ class Cavity:
         # Of the pieces into which the loop cuts the skin, the larger one is outside.
         counts = np.bincount(pieces)
         outside, inside = np.argsort(counts)[-1:-3:-1]
-        from_lips = cKDTree(skin[contact]).query(skin)[0]
-        self.ids = np.flatnonzero((pieces == inside) & (from_lips > _FROM_LIPS)).astype(np.int32)
+        self._lips = cKDTree(skin[contact])
+        self.ids = np.flatnonzero((pieces == inside) & (self._lips.query(skin)[0] > _FROM_LIPS)).astype(np.int32)
         near = cKDTree(self.middles).query(skin)[0] < _REACH
         self._cover = np.flatnonzero(((pieces == outside) & near)[: template.n_control])
         self._reference = skin
@@ -102,7 +103,8 @@ class Cavity:
             which = np.flatnonzero(middle_of == k)
             reach, distance, _ = self._towards(points[which], self._reference, middle)
             depth[which] = np.minimum(reach - distance, _DEPTH)
-        return Part(middle_of, depth)
+        kept = _OF_CHEEKS + (1.0 - _OF_CHEEKS) * ramp(*_CHEEKS, self._lips.query(points)[0])
+        return Part(middle_of, kept * depth)
 
     def drawn(self, part: Part, points: Floats, skin: Floats, middles: Floats, scale: float) -> Drawn:
         """Return ``points`` of ``part`` in a head, drawn towards the middle of its cavity where they lack depth.
