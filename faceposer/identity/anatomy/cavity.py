@@ -13,8 +13,8 @@ from faceposer.identity.template import HeadTemplate
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-#: Places in the cavity relative to the middle of the lips, along the palate, in centimetres of the reference: each point
-#: of the cavity is drawn towards the nearest of them.
+#: Places in the cavity relative to the middle of the lips, along the palate, in centimetres of the reference: each
+#: point of the cavity is drawn towards the nearest of them.
 _MIDDLES = np.array([[0.0, 0.3, -2.5], [0.0, 0.8, -5.0], [0.0, 0.8, -7.5]])
 #: Distance from these beyond which skin does not cover the cavity, in centimetres of the reference.
 _REACH = 17.0
@@ -24,8 +24,9 @@ _REACH = 17.0
 _AROUND, _ANGLE, _FRONT, _SPARSE, _BEYOND = 40, 0.26, 3, 0.5, 1.0
 #: Least depth of the cavity below the skin, unless the reference's has less, in centimetres.
 _DEPTH = 0.45
-#: Distance from the contact of the lips up to which the lining belongs to the lips, and distances over which the share of
-#: the reference's depth that must remain rises from the one given, so that cheeks are close to the teeth, in centimetres.
+#: Distance from the contact of the lips up to which the lining belongs to the lips, and distances over which the share
+#: of the reference's depth that must remain rises to 1 from the share given, so that cheeks stay off the teeth, in
+#: centimetres.
 _FROM_LIPS, _CHEEKS, _OF_CHEEKS = 0.6, (1.0, 2.5), 0.4
 #: Share of the way to the skin that remains at least.
 _CLOSEST = 0.1
@@ -48,7 +49,7 @@ class Drawn:
     skin: NDArray[np.intp]
 
     def following(self, offsets: Floats, of_skin: Floats) -> Floats:
-        """Return ``offsets`` (S, n, 3) of the points with their share of those ``of_skin``, (S, N, 3), in each shape."""
+        """Return ``offsets`` (S, n, 3) of the points in shapes, with their share of those ``of_skin``, (S, N, 3)."""
         which = np.flatnonzero(self.share)
         result = offsets.copy()
         of_cover = of_skin[:, self.skin[which]].mean(axis=2)
@@ -104,7 +105,7 @@ class Cavity:
             reach, distance, _ = self._towards(points[which], self._reference, middle)
             depth[which] = np.minimum(reach - distance, _DEPTH)
         kept = _OF_CHEEKS + (1.0 - _OF_CHEEKS) * ramp(*_CHEEKS, self._lips.query(points)[0])
-        return Part(middle_of, kept * depth)
+        return Part(middle_of, np.minimum(kept * depth, depth))
 
     def drawn(self, part: Part, points: Floats, skin: Floats, middles: Floats, scale: float) -> Drawn:
         """Return ``points`` of ``part`` in a head, drawn towards the middle of its cavity where they lack depth.
