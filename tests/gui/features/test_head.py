@@ -163,6 +163,14 @@ def test_variations_are_chosen_from_a_grid(robot: Robot) -> None:
     robot.click_widget("head:variation:0")
     robot.frames(2)
     np.testing.assert_allclose(skin(robot), before, atol=1e-3)
+    # The others can still be chosen after undo, back to the character's own head, too.
+    for _ in range(2):
+        robot.key("Ctrl+Z")
+        robot.frames(2)
+    np.testing.assert_array_equal(skin(robot), before)
+    robot.click_widget("head:variation:4")
+    robot.frames(2)
+    np.testing.assert_array_equal(skin(robot), chosen)
 
 
 def test_heads_are_mixed(robot: Robot) -> None:

@@ -100,6 +100,8 @@ class HeadFeature(HeadState, Feature):
     def model_changed(self) -> None:
         """Discard thumbnails of variations that another edit has left."""
         shown = self.context.session.document.identity
+        if shown is None and self._editor is not None:
+            shown = self._editor.own
         if shown is None or not self.variations.offers(shown):
             self.variations.close()
 

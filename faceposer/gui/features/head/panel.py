@@ -110,6 +110,9 @@ class HeadPanel:
         context.widget_rects.record("head:variety")
         names = [*editor.segment_names, "skin"]
         width = button_width(len(names))
+        caption("Parts that change; click one to lock it")
+        # The longest name fills its button.
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (0.0, imgui.get_style().frame_padding.y))
         for i, name in enumerate(names):
             if i:
                 imgui.same_line()
@@ -121,6 +124,7 @@ class HeadPanel:
             tooltip(
                 f"{name.capitalize()}\n{'Changes' if free else 'Locked'}; click to {'lock' if free else 'unlock'} it"
             )
+        imgui.pop_style_var()
         shown, top = self._variations.shown, imgui.get_cursor_pos_y()
         if self._variations.scroll_to():
             imgui.set_scroll_y(top)
