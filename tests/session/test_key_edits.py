@@ -226,8 +226,12 @@ def test_a_damaged_key_leaves_the_kinds_of_others(keys: KeyFolder) -> None:
     write_pose(keys.folder / "source" / "open.json", Pose("Open", OPEN, tags=("viseme",)))
     (keys.folder / "target" / "smile.json").unlink()
     found = read_key_set(keys.folder)
-    assert found.transfer is None
     assert [key.kind for key in found.keys] == ["viseme", ""]
+    assert [key.name for key in found.left_out] == ["smile"]
+    (keys.folder / "source" / "open.json").write_text("{")
+    again = read_key_set(keys.folder, last=found)
+    assert again.transfer is None
+    assert [(key.title, key.kind) for key in again.keys] == [("Open", "viseme"), ("Smile", "")]
 
 
 def test_the_base_of_a_mesh_without_shapes_is_pictured_as_sculpted(mesh_keys: KeyFolder, low: FaceModel) -> None:
