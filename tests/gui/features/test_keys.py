@@ -342,8 +342,14 @@ def test_files_changed_by_others_change_the_clone_and_broken_ones_are_told(robot
     finish(robot)
     keys = feature(robot).opened.keys
     assert keys is not None
-    assert keys.transfer is None
-    assert str(path) in keys.problem
+    assert keys.transfer is not None
+    assert "fear" not in {pair.name for pair in keys.transfer.pairs}
+    assert str(path) in keys.left_out[0].problem
+    assert feature(robot).kind == ""
+    feature(robot).kind = "viseme"
+    robot.click_widget("keys:left-out")
+    robot.frames(4)
+    assert (feature(robot).kind, feature(robot).latest) == ("", "fear")
     assert "key:fear:target" in robot.app.widget_rects
     shutil.rmtree(folder)
     robot.frames(70)

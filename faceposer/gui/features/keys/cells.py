@@ -36,7 +36,7 @@ class KeyCells:
         self._keys = keys
 
     def draw(self, keys: KeySet, strengths: Mapping[str, float], picture: float) -> None:
-        """Draw the pairs, each picture as wide as ``picture``, with ``strengths`` of keys in the present pose by name."""
+        """Draw the pairs, each ``picture`` that wide, with ``strengths`` of the keys in the present pose by name."""
         listed = self._keys.listed()
         if not listed:
             text = "There are no key poses of this kind." if keys.keys else "The folder is empty; add the present pose."

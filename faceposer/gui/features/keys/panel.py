@@ -176,9 +176,8 @@ class KeysPanel:
             texts = [f"{text}; {said}", f"{names}; {said}", f"{count}; {said}", said] if said else [text, names, count]
             shown = next((one for one in texts if text_width(one) <= room), texts[-1])
             imgui.text_colored(ImVec4(*FAINT), truncated(shown[0].upper() + shown[1:], room))
-            tooltip(
-                "\n".join(filter(None, (text, covered and feature.covering.text(covered), str(keys.folder.folder))))
-            )
+            tips = [text, *([] if covered is None else [feature.covering.text(covered)]), str(keys.folder.folder)]
+            tooltip("\n".join(tips))
         else:
             imgui.text_unformatted(" ")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.keys.feature import KeysFeature
@@ -185,7 +185,10 @@ class TransferState:
             raise FacePoserError(keys.problem)
         transfer = HeadTransfer(keys.transfer, source)
         distance, remark = reach_of(keys.transfer, transfer.converted(self.context.session.coefficients[None])[0])
-        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the key poses.", remark or keys.notes)
+        if not remark:
+            left_out = f"{counted(len(keys.left_out), 'key pose')} left out: see Edit." if keys.left_out else ""
+            remark = " ".join(filter(None, (keys.notes, left_out)))
+        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the key poses.", remark)
         # The target may have been made anew since the keys were read.
         self._transfer, self.target = transfer, keys.transfer.target
 
