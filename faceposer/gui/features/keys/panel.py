@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 _PAD = 0.45
 # In units of the font size: heights of the list of pairs with two rows and with one, width of the present pose with its
 # clone, and of the picture of a key, in a wide and in a narrow strip.
-_LIST, _LIVE, _PICTURE = (15.6, 13.4), (13.4, 10.6), (6.2, 5.1)
-_LOW_LIST = (8.2, 7.4)
+_LIST, _LIVE, _PICTURE = (15.6, 13.4), (13.4, 8.6), (6.2, 4.6)
+_LOW_LIST = (8.2, 7.2)
 # Heights of the window from which there are two rows of pairs: without a timeline, and what that needs besides.
 _ROOM, _ROOM_OF_TIMELINE = 40.0, 16.0
 # Widths of the strip below which pictures are smaller and words fewer, and below which the present pose is left out.
@@ -108,15 +108,16 @@ class KeysPanel:
         tooltip("Folder of key poses, and commands for all of them")
         self._draw_menu()
         commands = (("keys-add", "Add...", 4.6), ("keys-compose", "Compose", 5.6))
-        # A narrow strip has the second one in the menu alone.
-        for name, label, width in commands[: 2 - self._narrow]:
+        edited = feature.editing.edited
+        # A narrow strip has the second one in the menu alone, and while a key is edited, both.
+        for name, label, width in commands[: (2, 1 if edited is None else 0)[self._narrow]]:
             imgui.same_line()
             action_button(rects, context.actions[name], em(width), label)
         imgui.same_line()
-        edited = feature.editing.edited
         keys = feature.opened.keys
         # From the right: close, back, save, or the frame that would help most, and keys that are left out.
-        buttons = [("keys-save", "Save key pose", 8.0), ("keys-back", "Back", 4.2)] if edited is not None else []
+        save = ("keys-save", "Save", 4.2) if self._narrow else ("keys-save", "Save key pose", 8.0)
+        buttons = [save, ("keys-back", "Back", 4.2)] if edited is not None else []
         best = covered if edited is None and covered is not None and covered.best is not None else None
         left_out = keys.left_out if keys is not None and edited is None else []
         widths = [width for _, _, width in buttons]
@@ -159,7 +160,9 @@ class KeysPanel:
         edited, keys = feature.editing.edited, feature.opened.keys
         if edited is not None:
             star = "*" if feature.editing.changed else ""
-            imgui.text_colored(ImVec4(*ACCENT), shortened(f"Editing the {edited.side} of {edited.title}{star}", room))
+            texts = [f"Editing the {edited.side} of {edited.title}{star}", f"{edited.title}: {edited.side}{star}"]
+            imgui.text_colored(ImVec4(*ACCENT), truncated(_fitting(texts, room), room))
+            tooltip(texts[0])
         elif feature.opened.reading and keys is None:
             imgui.text_colored(ImVec4(*FAINT), "Reading key poses...")
         elif keys is not None and (keys.problem or keys.notes):
@@ -174,7 +177,7 @@ class KeysPanel:
             said = "" if covered is None else feature.covering.summary(covered)
             # The longest of these that fits.
             texts = [f"{text}; {said}", f"{names}; {said}", f"{count}; {said}", said] if said else [text, names, count]
-            shown = next((one for one in texts if text_width(one) <= room), texts[-1])
+            shown = _fitting(texts, room)
             imgui.text_colored(ImVec4(*FAINT), truncated(shown[0].upper() + shown[1:], room))
             tips = [text, *([] if covered is None else [feature.covering.text(covered)]), str(keys.folder.folder)]
             tooltip("\n".join(tips))
@@ -234,7 +237,9 @@ class KeysPanel:
         pose = feature.present_pose()
         wide = imgui.get_content_region_avail().x > em(_NARROWEST)
         if pose is not None and keys.transfer is not None and wide:
-            imgui.begin_child("##keys-live", ImVec2(em(_LIVE[self._narrow]), 0.0))
+            imgui.begin_child(
+                "##keys-live", ImVec2(em(_LIVE[self._narrow]), 0.0), 0, imgui.WindowFlags_.no_scrollbar.value
+            )
             self._draw_live(keys, pose)
             imgui.end_child()
             imgui.same_line(0.0, em(0.9))
@@ -259,7 +264,7 @@ class KeysPanel:
         feature.context.widget_rects.record("keys:clone")
         tooltip("Its clone by the key poses")
         distance, sentence = reach_of(keys.transfer, pose)
-        measured = f"{10.0 * distance:.1f} mm from the key poses"
+        measured = f"{10.0 * distance:.1f}\u00a0mm from the key poses"
         if sentence:
             imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
             imgui.text_wrapped(f"{Icon.WARNING}  {measured}" if self._narrow else sentence)
@@ -268,3 +273,8 @@ class KeysPanel:
         else:
             caption(f"{measured}." if self._narrow else f"The present pose and its clone; {measured}.")
         feature.context.widget_rects.record("keys:distance")
+
+
+def _fitting(texts: list[str], room: float) -> str:
+    """Return the first of ``texts`` that is no wider than ``room``, or the last one."""
+    return next((text for text in texts if text_width(text) <= room), texts[-1])
