@@ -276,7 +276,7 @@ def _check(options: argparse.Namespace) -> int:
 
         write_json(options.json, report, "report")
     # Scripts have to see that something is wrong.
-    return 1 if loaded.left_out else 0
+    return 2 if loaded.left_out else 0
 
 
 def _coverage(transfer: "ExampleTransfer", take: Path, count: int, keys: "KeyFolder") -> dict[str, Any]:

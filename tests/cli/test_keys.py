@@ -212,7 +212,7 @@ def test_keys_that_cannot_be_used_are_told_and_the_others_clone(
     (keys / "target" / "pucker.json").write_text("{")
     (keys / "source" / "joy.json").unlink()
     status, said, noted = run_captured(capsys, "keys", "check", keys, "--json", report)
-    assert status == 1
+    assert status == 2
     assert "2 keys with the neutral face" in said
     assert noted.count("Left out.") == 2
     assert set(json.loads(report.read_text())["left_out"]) == {"joy", "pucker"}
