@@ -34,6 +34,7 @@ class KeyCells:
     def __init__(self, keys: "KeyCommands") -> None:
         """List the keys of ``keys``."""
         self._keys = keys
+        self._edited = ""
 
     def draw(self, keys: KeySet, strengths: Mapping[str, float], picture: float) -> None:
         """Draw the pairs, each ``picture`` that wide, with ``strengths`` of the keys in the present pose by name."""
@@ -42,6 +43,12 @@ class KeyCells:
             text = "There are no key poses of this kind." if keys.keys else "The folder is empty; add the present pose."
             caption(text)
             return
+        edited = self._keys.editing.edited
+        name = "" if edited is None else edited.name
+        if name != self._edited:
+            # The height of the strip may have changed with the session.
+            self._keys.sought = name or self._edited
+            self._edited = name
         side, gap = round(picture), round(em(_GAP))
         room = imgui.get_window_width() - imgui.get_style().scrollbar_size
         columns = max(int((room + gap) // (2 * side + 1 + gap)), 1)
