@@ -27,6 +27,9 @@ _AT_REST, _RESERVE, _STEEP, _OVER_JAW = 0.25, 0.15, 4.0, 0.15
 _STILL = 1e-3
 #: Share of the depth that the reference's lining loses in a shape that other heads' may lose, since such losses add up.
 _LOSS = 0.6
+#: Strengths of a shape in which the depth is looked at. Places of the skin that a strong shape moves far along tell
+#: nothing about the depth, while at half strength they do.
+_STRENGTHS = (0.5, 1.0)
 
 
 class Lining:
@@ -94,10 +97,13 @@ class Lining:
         """Return ``shapes`` (S, N, 3) of ``skin``, in which the lining loses less than the reference's ``losses``."""
         rest, result = self.depth(skin), shapes.copy()
         for k in np.flatnonzero(np.abs(shapes[:, self.ids]).max(axis=(1, 2)) > _STILL):
-            offsets = shapes[k]
-            depth, inwards = self._shallow_depth(skin + offsets)
-            lack = np.maximum(rest - depth - _LOSS * np.maximum(losses[k], 0.0), 0.0)
-            result[k, self.ids[self.shallow]] += lack[:, None] * inwards
+            moves = np.zeros((len(_STRENGTHS), len(self.shallow), 3))
+            lacks = np.zeros((len(_STRENGTHS), len(self.shallow)))
+            for i, strength in enumerate(_STRENGTHS):
+                depth, inwards = self._shallow_depth(skin + strength * shapes[k])
+                lacks[i] = np.maximum((rest - depth) / strength - _LOSS * np.maximum(losses[k], 0.0), 0.0)
+                moves[i] = lacks[i, :, None] * inwards
+            result[k, self.ids[self.shallow]] += moves[lacks.argmax(axis=0), np.arange(len(self.shallow))]
         return result
 
     def _shallow_depth(self, skin: Floats) -> tuple[Floats, Floats]:
