@@ -27,9 +27,9 @@ _AT_REST, _RESERVE, _STEEP, _OVER_JAW = 0.25, 0.15, 4.0, 0.15
 _STILL = 1e-3
 #: Share of the depth that the reference's lining loses in a shape that other heads' may lose, since such losses add up.
 _LOSS = 0.6
-#: Strengths of a shape in which the depth is looked at. Places of the skin that a strong shape moves far along tell
-#: nothing about the depth, while at half strength they do.
-_STRENGTHS = (0.5, 1.0)
+#: Weaker strengths of a shape in which the depth is looked at, too: places of the skin that a strong shape moves far
+#: along tell nothing about the depth.
+_MIDWAY = (0.25, 0.5)
 
 
 class Lining:
@@ -97,13 +97,16 @@ class Lining:
         """Return ``shapes`` (S, N, 3) of ``skin``, in which the lining loses less than the reference's ``losses``."""
         rest, result = self.depth(skin), shapes.copy()
         for k in np.flatnonzero(np.abs(shapes[:, self.ids]).max(axis=(1, 2)) > _STILL):
-            moves = np.zeros((len(_STRENGTHS), len(self.shallow), 3))
-            lacks = np.zeros((len(_STRENGTHS), len(self.shallow)))
-            for i, strength in enumerate(_STRENGTHS):
-                depth, inwards = self._shallow_depth(skin + strength * shapes[k])
-                lacks[i] = np.maximum((rest - depth) / strength - _LOSS * np.maximum(losses[k], 0.0), 0.0)
-                moves[i] = lacks[i, :, None] * inwards
-            result[k, self.ids[self.shallow]] += moves[lacks.argmax(axis=0), np.arange(len(self.shallow))]
+            allowed = _LOSS * np.maximum(losses[k], 0.0)
+            depth, inwards = self._shallow_depth(skin + shapes[k])
+            lack = np.maximum(rest - depth - allowed, 0.0)
+            for strength in _MIDWAY:
+                depth, inwards_then = self._shallow_depth(skin + strength * shapes[k])
+                lack_then = (np.minimum(rest, _AT_REST + _RESERVE) - depth) / strength - allowed
+                lack_then = np.minimum(lack_then, _RESERVE)
+                more = lack_then > lack
+                lack[more], inwards[more] = lack_then[more], inwards_then[more]
+            result[k, self.ids[self.shallow]] += lack[:, None] * inwards
         return result
 
     def _shallow_depth(self, skin: Floats) -> tuple[Floats, Floats]:
