@@ -47,9 +47,10 @@ _WRITES = {"write_text", "write_bytes", "savez", "savez_compressed", "save", "sa
 _MODULES = {
     "api/face.py": "sessions, by session/saved_state.py",
     "api/posing.py": "poses, by poses/pose_file.py",
-    "cli/animate.py": "sessions",
+    "cli/animated_session.py": "sessions",
     "cli/identity/fit_photo.py": "sessions; reports by files/writing.py",
     "cli/photo.py": "sessions",
+    "cli/photo_render.py": "sessions; images",
     "cli/sketch.py": "sessions; reports by files/writing.py",
     "evaluation/figures.py": "plots",
     "evaluation/gestures/pictures.py": "images",

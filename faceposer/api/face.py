@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from faceposer.api import checks
 from faceposer.api.heads import HeadsMixin, new_identity
 from faceposer.api.motion import MotionMixin
+from faceposer.api.photos import PhotosMixin
 from faceposer.api.places import Pixels, Place, fixed_vertices, pixels_of, point_at
 from faceposer.api.posing import PathName, PosingMixin
 from faceposer.api.sketching import SketchingMixin
@@ -88,7 +89,7 @@ def characters() -> list[str]:
     return [name for name, _ in available_characters()]
 
 
-class Face(HeadsMixin, PosingMixin, SketchingMixin, MotionMixin):
+class Face(HeadsMixin, PosingMixin, SketchingMixin, MotionMixin, PhotosMixin):
     """A face with its constraints and its pose.
 
     Constraints are added one by one; ``solve`` then finds the pose that satisfies all of them. Pixels are (u, v) from

@@ -16,7 +16,7 @@ from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import check_not_input, check_output
 
 if TYPE_CHECKING:
-    from faceposer.model.performance import Performance
+    pass
 
 NAME = "animate"
 #: Suffixes of trajectories; everything else may be a film.
@@ -162,22 +162,10 @@ def _follow(options: argparse.Namespace) -> int:
     length = f"{counted(n_frames, 'frame')} at {performance.rate:g} fps"
     print(f"{options.output} written: {length}, mean error {error:.1f} {unit}{remarks}")
     if options.session is not None:
+        from faceposer.cli.animated_session import write_session
+
         write_session(options.session, options.character, performance)
     return 0
-
-
-def write_session(path: Path, character: str, performance: "Performance") -> None:
-    """Write a session of ``character`` with as few keys as reproduce ``performance``."""
-    from faceposer.animation.keyframes import TOLERANCE, Keyframes
-    from faceposer.session.opening import open_session
-
-    session = open_session(character)
-    dense = Keyframes.of_performance(performance)
-    keyframes = dense.reduced(session.model, TOLERANCE)
-    session.animation.load(keyframes, "Open an animation")
-    session.wait()
-    session.save(path)
-    print(f"{path} written: {counted(len(keyframes.keys), 'key')}")
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ def animate_by_film(options: argparse.Namespace) -> int:
         if given is not None:
             raise FacePoserError(f"{name} is for trajectories, not for films.")
     span = _span(options)
-    from faceposer.cli.animate import write_session
+    from faceposer.cli.animated_session import write_session
     from faceposer.files.writing import write_json
     from faceposer.film.expression import expression_of_film
     from faceposer.interchange.formats import write

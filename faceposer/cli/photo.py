@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_spread, number, output_path
+from faceposer.cli.arguments import add_spread, number, number_between, output_path, whole_number
 from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_not_input, check_output
 
@@ -32,15 +32,23 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         NAME,
         help="pose a face from a photo",
-        description="Estimate the camera of a photo, pose the face to match and write the session.",
+        description="Estimate the camera of a photo, pose the face to match and write the session. Or put the face of "
+        "a session back into its photo, changed or not: faceposer photo SESSION --render OUT.png.",
     )
     parser.add_argument("what", metavar="CHARACTER|SESSION", help="character, or session to add the photo to")
-    parser.add_argument("photo", type=Path, metavar="PHOTO", help="photo: JPEG, PNG or another common format")
-    source = parser.add_mutually_exclusive_group(required=True)
+    parser.add_argument(
+        "photo",
+        type=Path,
+        nargs="?",
+        metavar="PHOTO",
+        help="photo: JPEG, PNG or another common format; without one, --render puts the face of the session back into "
+        "its photo",
+    )
+    source = parser.add_mutually_exclusive_group()
     source.add_argument("--pins", type=Path, metavar="PINS.json", help="pins on the photo (docs/photo.md)")
     source.add_argument("--auto", action="store_true", help="find the face and take its expression, without pins")
     parser.add_argument(
-        "-o", "--output", type=output_path, metavar="SESSION.json", required=True, help="session to write"
+        "-o", "--output", type=output_path, metavar="SESSION.json", help="session to write; required with PHOTO"
     )
     parser.add_argument(
         "--focal", type=number, metavar="PX", help="focal length in pixels (default: from EXIF, else estimated)"
@@ -51,12 +59,38 @@ def add_parser(commands: Any) -> None:
         "--render",
         type=output_path,
         metavar="OUT.png",
-        help="also render the photo, the face over it and the face alone",
+        help="also render the photo, the face over it and the face alone; without PHOTO, the photo of the session with "
+        "the face as it is now, in the photo's light",
+    )
+    changes = parser.add_argument_group("changes before the face is put back into the photo of a session")
+    changes.add_argument("--pose", metavar="POSE", help="a pose of the library, such as Happiness, or its file (.json)")
+    changes.add_argument(
+        "--strength",
+        type=lambda text: number_between(text, -1.0, 2.0),
+        metavar="S",
+        help="strength of the pose (default: 1)",
+    )
+    changes.add_argument(
+        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="attributes of the head, such as weight=1.5"
+    )
+    changes.add_argument(
+        "--add", nargs="+", default=[], metavar="NAME=VALUE", help="changes of attributes, such as weight=-0.6"
+    )
+    changes.add_argument(
+        "--photo-number",
+        type=lambda text: whole_number(text, 1, 100),
+        metavar="N",
+        help="photo of the session, counted from 1 (default: 1)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Align the photo, pose the face, write the session and return the exit status."""
+    if options.photo is None:
+        from faceposer.cli.photo_render import render_into_photo
+
+        return render_into_photo(options)
+    _check_with_photo(options)
     check_output(options.output, ".json")
     if options.render is not None:
         check_output(options.render, ".png")
@@ -65,14 +99,17 @@ def run(options: argparse.Namespace) -> int:
     check_not_input(options.render, options.photo)
     if options.focal is not None and not 1.0 <= options.focal <= 1e6:
         raise FacePoserError("The focal length must be between 1 and 1,000,000 pixels.")
-    if options.auto:
-        return _run_automatic(options)
+    return _run_automatic(options) if options.auto else _run_with_pins(options)
+
+
+def _run_with_pins(options: argparse.Namespace) -> int:
+    """Align the camera by pins, pose the face and return the exit status."""
     from dataclasses import replace
 
     from faceposer.cli.opening import open_with_remark
     from faceposer.photo.aligning import aligned, residuals_px
     from faceposer.photo.photo import Photo
-    from faceposer.photo.pins_file import read_pins
+    from faceposer.photo.pins_file import check_inside, read_pins
     from faceposer.photo.reading import focal_in_mm, inspect_photo, read_photo
     from faceposer.session.photos import pose_from_photo
     from faceposer.solve.camera_fit import LEAST_POINTS
@@ -81,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
     # Decoded early, so that a damaged file is reported before anything is written.
     read_photo(options.photo, _CHECKED_SIDE)
     pins = read_pins(options.pins)
-    _check_pins(options.pins, pins, file.size)
+    check_inside(options.pins, pins, file.size)
     session = _with_spread(open_with_remark(options.what), options.spread)
     model = session.model
     path = str(options.photo.absolute())
@@ -122,6 +159,20 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _check_with_photo(options: argparse.Namespace) -> None:
+    """Raise FacePoserError if options that a PHOTO needs are missing, or others are given."""
+    if not (options.auto or options.pins):
+        raise FacePoserError("Give --auto to find the face in the photo, or its pins with --pins.")
+    if options.output is None:
+        raise FacePoserError("Give the session to write with -o SESSION.json.")
+    changes = (options.pose, options.strength, options.set, options.add, options.photo_number)
+    if any(changes):
+        raise FacePoserError(
+            "--pose, --strength, --set, --add and --photo-number change a face in the photo of its session; write the "
+            "session first, then give it without PHOTO."
+        )
+
+
 def _run_automatic(options: argparse.Namespace) -> int:
     """Take the expression of the face that is found in the photo, and return the exit status."""
     from dataclasses import replace
@@ -158,15 +209,6 @@ def _with_spread(session: "Session", spread: float | None) -> "Session":
         session.set_spread(spread)
     session.wait()
     return session
-
-
-def _check_pins(path: Path, pins: Sequence["Pin"], size: tuple[int, int]) -> None:
-    for i, (u, v) in enumerate(pin.pixel for pin in pins):
-        if not (0.0 <= u <= size[0] and 0.0 <= v <= size[1]):
-            raise FacePoserError(
-                f"In '{path}', pins[{i}] is at ({u:g}, {v:g}), outside the photo of {size[0]} x {size[1]} pixels; "
-                "give its position in pixels from the top left."
-            )
 
 
 def _print_errors(

@@ -86,4 +86,5 @@ def expression_of(found: FaceInPhoto, model: FaceModel) -> PhotoExpression:
     width, height = found.file.size
     inside = tuple(pin for pin in pins if 0.0 <= pin.pixel[0] <= width and 0.0 <= pin.pixel[1] <= height)
     photo = Photo(str(found.path.absolute()), found.file.size, inside, focal=found.file.focal)
+    photo = photo.with_expression(model, pose)
     return PhotoExpression(pose, aligned(photo, model, pose), fit)

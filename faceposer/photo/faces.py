@@ -1,5 +1,6 @@
 """Faces in photos, found by the landmark networks."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,8 +11,9 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.identity.photos.landmark_fit import PhotoFace
+from faceposer.landmarks.crops import Picture, Square
 from faceposer.landmarks.feature_points import feature_pixels
-from faceposer.landmarks.points import Landmarks, find_landmarks
+from faceposer.landmarks.points import Landmarks, find_landmarks, landmarks_in
 from faceposer.photo.reading import (
     FOCAL_SPREAD,
     LIKELY_FOCAL_MM,
@@ -29,6 +31,11 @@ _SMALL, _LEAST = 250.0, 60.0
 _KNOWN_SPREAD = 0.03
 # Reach of a moved feature point, as a share of the face's height, and ridge of the interpolation.
 _MOVED_REACH, _RIDGE = 0.04, 1e-3
+# Least number of pins by which a face is looked for, its sizes relative to their extent, and feature points of the
+# right and of the left eye.
+_LEAST_PINS, _ROOMS = 4, (1.5, 2.0, 2.8)
+_EYES = (("3.8", "3.12", "3.6"), ("3.7", "3.11", "3.5"))
+_PUPILS = ("3.6", "3.5")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +72,16 @@ class FaceInPhoto:
         return replace(found, points=factor * found.points, iris=factor * found.iris, box=factor * found.box)
 
 
-def read_face(path: Path, focal: float | None = None) -> FaceInPhoto:
+def read_face(
+    path: Path, focal: float | None = None, pins: Mapping[str, tuple[float, float]] | None = None
+) -> FaceInPhoto:
     """Return the photo ``path`` with its most distinct face.
 
     Args:
         path: Image file.
         focal: Focal length in pixels of the photo, if it is known; else it is taken from the EXIF data or estimated.
+        pins: Pixels of the photo by name of feature point, to which the landmarks are moved. The face is looked for
+            there if it is not found otherwise.
 
     Raises:
         FacePoserError: If the photo cannot be read, or shows no face that is large enough.
@@ -82,8 +93,16 @@ def read_face(path: Path, focal: float | None = None) -> FaceInPhoto:
         pixels = read_photo(path, _LARGEST_SIDE)
         found = find_landmarks(pixels)
     if found is None:
+        # False colours hide faces from the networks, which a grey picture shows.
+        found = find_landmarks(_grey(pixels))
+    factor = pixels.shape[1] / file.size[0]
+    placed = {name: (factor * u, factor * v) for name, (u, v) in (pins or {}).items()}
+    if placed:
+        found = _face_at(pixels, placed, found)
+    if found is None:
         raise FacePoserError(
-            f"No face was found in '{path}'; use a photo in which a face is larger and seen from the front."
+            f"No face was found in '{path}'; use a photo in which a face is larger and seen from the front"
+            f"{', or pin more of it' if pins else ''}."
         )
     if _height(found) < _LEAST:
         raise FacePoserError(
@@ -92,10 +111,39 @@ def read_face(path: Path, focal: float | None = None) -> FaceInPhoto:
         )
     height, width = pixels.shape[:2]
     known = focal or file.focal
-    factor = width / file.size[0]
     expected = known * factor if known else focal_in_pixels(LIKELY_FOCAL_MM, (width, height))
     spread = _KNOWN_SPREAD if known else FOCAL_SPREAD
-    return FaceInPhoto(path, file, pixels, PhotoFace(found, (width, height), expected, spread))
+    face = FaceInPhoto(path, file, pixels, PhotoFace(found, (width, height), expected, spread))
+    return with_moved_features(face, placed) if placed else face
+
+
+def _face_at(
+    pixels: NDArray[np.uint8], pins: Mapping[str, tuple[float, float]], found: Landmarks | None
+) -> Landmarks | None:
+    """Return the landmarks of the face in ``pixels`` on which ``pins`` are: those ``found``, or others."""
+    places = np.array(list(pins.values()))
+    middle = places.mean(axis=0)
+    if found is not None and (found.box[:2] < middle).all() and (middle < found.box[2:]).all():
+        return found
+    if len(pins) < _LEAST_PINS:
+        return found
+    right, left = (np.mean([pins[name] for name in eye if name in pins] or [middle], axis=0) for eye in _EYES)
+    across = left - right
+    angle = math.atan2(across[1], across[0]) if np.linalg.norm(across) > 1.0 else 0.0
+    extent = float(np.ptp(places, axis=0).max())
+    picture = Picture(pixels)
+    tried = [
+        landmarks_in(picture, Square(float(middle[0]), float(middle[1]), max(room * extent, 8.0), angle))
+        for room in _ROOMS
+    ]
+    return max((face for face in tried if face is not None), key=lambda face: face.logit, default=found)
+
+
+def _grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the brightness of ``pixels``, (h, w, 3), over the whole range, shape (h, w)."""
+    grey = pixels.mean(axis=2)
+    low, high = np.quantile(grey, (0.005, 0.995))
+    return np.clip(255.0 * (grey - low) / max(high - low, 1.0), 0.0, 255.0).astype(np.uint8)
 
 
 def _height(found: Landmarks) -> float:
@@ -124,6 +172,8 @@ def with_moved_features(found: FaceInPhoto, moved: Mapping[str, tuple[float, flo
 
     weights = np.linalg.solve(kernel(places) + _RIDGE * np.eye(len(places)), offsets)
     landmarks = found.face.landmarks
-    points = landmarks.points.copy()
+    points, iris = landmarks.points.copy(), landmarks.iris.copy()
     points[:, :2] += kernel(points[:, :2]) @ weights
-    return replace(found, face=replace(found.face, landmarks=replace(landmarks, points=points)))
+    for eye, name in enumerate(_PUPILS):
+        iris[eye, :, :2] += offsets[names.index(name)]
+    return replace(found, face=replace(found.face, landmarks=replace(landmarks, points=points, iris=iris)))

@@ -6,7 +6,9 @@ from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from msgspec import UNSET, Meta, UnsetType, field
+from numpy.typing import ArrayLike, NDArray
 
 from faceposer.files.json_documents import JsonError, JsonObject, given
 from faceposer.files.paths import expand_user
@@ -21,6 +23,8 @@ Place = str | SurfacePoint | int
 MAX_PHOTOS = 100
 _MAX_PINS = 1000
 _MAX_FOCAL = 1e6
+_DIGITS = 6
+_MAX_WEIGHT, _MAX_SHAPES = 100.0, 10_000
 
 
 _PointName = Annotated[str, Meta(min_length=1, description='the name of a feature point, such as "8.3"')]
@@ -44,6 +48,8 @@ class _PinJson(JsonObject, kw_only=True):
         return Pin(given(self.point) or "", self.pixel)
 
 
+_Weight = Annotated[float, Meta(ge=-_MAX_WEIGHT, le=_MAX_WEIGHT)]
+_ExpressionJson = Annotated[dict[str, _Weight], Meta(max_length=_MAX_SHAPES)]
 PinsJson = Annotated[list[Annotated[_PinJson, Meta(title="pins")]], Meta(max_length=_MAX_PINS)]
 
 
@@ -58,6 +64,7 @@ class PhotoJson(JsonObject, kw_only=True):
     opacity: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.6
     front: bool = False
     visible: bool = True
+    expression: _ExpressionJson | UnsetType = UNSET
 
     def __post_init__(self) -> None:
         """Check that the camera has the size of the photo, and that no place is pinned twice."""
@@ -69,7 +76,9 @@ class PhotoJson(JsonObject, kw_only=True):
         """Return the photo."""
         pins = tuple(pin.pin() for pin in self.pins)
         camera = None if self.camera is UNSET else self.camera.camera()
-        return Photo(self.path, self.size, pins, camera, given(self.focal), self.opacity, self.front, self.visible)
+        expression = None if self.expression is UNSET else tuple(self.expression.items())
+        focal = given(self.focal)
+        return Photo(self.path, self.size, pins, camera, focal, self.opacity, self.front, self.visible, expression)
 
 
 PhotosJson = Annotated[list[Annotated[PhotoJson, Meta(title="photos")]], Meta(max_length=MAX_PHOTOS)]
@@ -128,6 +137,8 @@ class Photo:
         opacity: Opacity of the layer in front, 0 to 1: the photo or the face.
         front: True if the photo is in front of the face.
         visible: True if the photo is displayed.
+        expression: Names of shapes with the weights by which the character has the expression of the photo; those that
+            are left out are 0. None if it is unknown.
     """
 
     path: str
@@ -138,6 +149,7 @@ class Photo:
     opacity: float = 0.6
     front: bool = False
     visible: bool = True
+    expression: tuple[tuple[str, float], ...] | None = None
 
     @property
     def name(self) -> str:
@@ -159,6 +171,19 @@ class Photo:
         """Return the photo without the pin ``index``."""
         return replace(self, pins=(*self.pins[:index], *self.pins[index + 1 :]))
 
+    def with_expression(self, model: FaceModel, pose: ArrayLike) -> "Photo":
+        """Return the photo in which the character of ``model`` has the expression ``pose``, shape (r,)."""
+        weights = np.round(model.weights_of(pose), _DIGITS).tolist()
+        named = zip(model.character.shape_names, weights, strict=True)
+        return replace(self, expression=tuple((name, weight) for name, weight in named if weight))
+
+    def pose_of(self, model: FaceModel) -> NDArray[np.float64] | None:
+        """Return the expression of the photo on the character of ``model``, shape (r,), or None if it is unknown."""
+        if self.expression is None:
+            return None
+        known = set(model.character.shape_names)
+        return model.coefficients_of({name: weight for name, weight in self.expression if name in known})
+
     def with_rest(self, model: FaceModel) -> "Photo":
         """Return the photo with the rest positions of its pins, for a session file."""
         return replace(self, pins=tuple(pin.with_rest(model) for pin in self.pins))
@@ -177,6 +202,8 @@ class Photo:
             data["camera"] = codec.camera_to_json(self.camera)
         if self.focal is not None:
             data["focal"] = self.focal
+        if self.expression is not None:
+            data["expression"] = dict(self.expression)
         return data
 
 

@@ -1,8 +1,10 @@
 """The pins file read by ``faceposer photo`` (docs/photo.md)."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.photo.photo import Pin, PinsJson, check_places
 
@@ -25,6 +27,20 @@ def read_pins(path: Path) -> tuple[Pin, ...]:
         FacePoserError: If the file cannot be read or is not a pins file; the message names the place.
     """
     return read_json(path, "pins", _pins_from_json, _MAX_BYTES)
+
+
+def check_inside(path: Path, pins: Sequence[Pin], size: tuple[int, int]) -> None:
+    """Check that ``pins``, read from ``path``, are inside a photo of ``size``.
+
+    Raises:
+        FacePoserError: If one is outside; the message names it.
+    """
+    for i, (u, v) in enumerate(pin.pixel for pin in pins):
+        if not (0.0 <= u <= size[0] and 0.0 <= v <= size[1]):
+            raise FacePoserError(
+                f"In '{path}', pins[{i}] is at ({u:g}, {v:g}), outside the photo of {size[0]} x {size[1]} pixels; "
+                "give its position in pixels from the top left."
+            )
 
 
 def _pins_from_json(data: Any) -> tuple[Pin, ...]:

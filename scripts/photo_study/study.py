@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from faceposer.geometry.alignment import rigid_alignment
 from faceposer.identity.identity import Identity
-from faceposer.identity.photos.dense_fit import DenseFitter, DenseSettings
+from faceposer.identity.photos.dense_fit import DenseFitter
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.head_basis import HeadBasis, head_basis
@@ -24,9 +24,15 @@ from scripts.photo_study.synthetic import SIZE, Person, Photo, photo_of, random_
 Array = NDArray[np.float64]
 
 METHODS = ("mean", "landmarks", "dense", "dense-segments")
+# Rows, the trials that they are of, and the error.
+_TESTS = (
+    ("synthetic", "synthetic", "head"),
+    ("expression", "synthetic", "expression"),
+    ("scan-photo", "scan-photo", "head"),
+)
 _FIRST_SEED = 5000
-# Turns of the face, in radians, between which those of three views are drawn.
-_YAWS = ((-0.3, 0.3), (-0.7, -0.35), (0.35, 0.7))
+#: Turns of the face, in radians, between which those of three views are drawn.
+YAWS = ((-0.3, 0.3), (-0.7, -0.35), (0.35, 0.7))
 # Distance of the vertices measured from the landmarks, in centimetres.
 _REACH = 1.2
 _DRAWS = 1000
@@ -41,7 +47,9 @@ class Trial:
         views: Number of photos.
         head: Mean distance of the vertices of the face after a similarity.
         expression: Mean distance of their displacements by the expression, over the photos.
-        seconds: Time of the fit.
+        seconds: Time of the processor for the fit.
+        test: "synthetic" for people who were drawn, "scan-photo" for a scan, the median distance of whose surface is
+            taken, and which has no expression.
     """
 
     method: str
@@ -49,6 +57,7 @@ class Trial:
     head: float
     expression: float
     seconds: float
+    test: str = "synthetic"
 
 
 class Study:
@@ -68,7 +77,7 @@ class Study:
         rng = np.random.default_rng(1000 + number)
         person = random_person(self.basis.editor, self.basis.character, _FIRST_SEED + number)
         photos = []
-        for low, high in _YAWS[: max(views)]:
+        for low, high in YAWS[: max(views)]:
             yaw = float(rng.uniform(low, high))
             weights = random_weights(self.basis.model, rng)
             photos.append(photo_of(person, self.basis.character, weights, rng, yaw))
@@ -87,24 +96,19 @@ class Study:
         mean = np.zeros((4, self.basis.n_identity))
         still = float(np.mean([self._displacement(person, photo, None) for photo, _ in crops]))
         yield Trial("mean", n, self._head_error(person, mean), still, 0.0)
-        begun = time.perf_counter()
+        begun = time.process_time()
         start = fit_landmarks([crop.face for _, crop in crops], self.basis, self.places)
-        seconds = time.perf_counter() - begun
+        seconds = time.process_time() - begun
         rows = np.tile(start.state.shape, (4, 1))
         yield Trial(
             "landmarks", n, self._head_error(person, rows), self._expressions(person, crops, start.state), seconds
         )
-        for method, settings in (("dense", DenseSettings(segment_steps=0)), ("dense-segments", DenseSettings())):
-            begun = time.perf_counter()
-            dense = DenseFitter([crop for _, crop in crops], start, self.basis, self.samples, settings).fit()
-            own = time.perf_counter() - begun
-            yield Trial(
-                method,
-                n,
-                self._head_error(person, dense.rows),
-                self._expressions(person, crops, dense.state),
-                seconds + own,
-            )
+        begun = time.process_time() - seconds
+        fitter = DenseFitter([crop for _, crop in crops], start, self.basis, self.samples)
+        for method, dense in zip(("dense", "dense-segments"), fitter.stages(), strict=True):
+            seconds = time.process_time() - begun
+            head, expression = self._head_error(person, dense.rows), self._expressions(person, crops, dense.state)
+            yield Trial(method, n, head, expression, seconds)
 
     def _head_error(self, person: Person, rows: Array) -> float:
         """Return the mean distance of the face with coefficients ``rows``, after a similarity, in millimetres."""
@@ -130,10 +134,11 @@ class Study:
 def rows_of(trials: Sequence[Trial]) -> list[dict[str, Any]]:
     """Return one row per test, method and number of views, with the confidence of the mean by the bootstrap."""
     rows = []
-    for test, value in (("synthetic", "head"), ("expression", "expression")):
+    for test, source, value in _TESTS:
         for views in sorted({trial.views for trial in trials}):
             for method in METHODS:
-                chosen = [trial for trial in trials if (trial.method, trial.views) == (method, views)]
+                kind = (source, method, views)
+                chosen = [trial for trial in trials if (trial.test, trial.method, trial.views) == kind]
                 if not chosen:
                     continue
                 errors = np.array([getattr(trial, value) for trial in chosen])

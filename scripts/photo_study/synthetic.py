@@ -101,6 +101,14 @@ def photo_of(
     """Return a photo of ``person`` with the expression ``weights``, the face turned by about ``yaw`` radians."""
     vertices = person.vertices + np.tensordot(weights, person.shapes, 1)
     mesh = painted_parts(vertices, base.polygons, base.uv, base.polygon_uvs, base.parts, person.textures)
+    pixels, camera = picture_of(mesh, rng, yaw, size, finer)
+    return Photo(pixels, camera, weights, vertices)
+
+
+def picture_of(
+    mesh: PaintedMesh, rng: np.random.Generator, yaw: float = 0.0, size: int = SIZE, finer: int = 2
+) -> tuple[NDArray[np.uint8], Camera]:
+    """Return a photo of ``mesh``, upright and in centimetres, with a random camera, light and background."""
     turn = rotation_of(np.array([rng.normal(0.0, 0.12), 0.0, 0.0])) @ rotation_of(
         np.array([0.0, yaw + rng.normal(0.0, 0.12), 0.0])
     )
@@ -117,7 +125,7 @@ def photo_of(
     diffuse = rng.uniform(0.5, 1.1) * np.exp(rng.normal(0.0, 0.08, 3))
     image = shaded(mesh, camera, lamp, ambient, diffuse, rng.uniform(0.0, 0.15), soft_background(rng, size), finer)
     image = np.clip(image + rng.normal(0.0, 0.008, image.shape), 0.0, 1.0)
-    return Photo(_as_jpeg(image, int(rng.integers(75, 96))), camera, weights, vertices)
+    return _as_jpeg(image, int(rng.integers(75, 96))), camera
 
 
 def shaded(
@@ -153,7 +161,10 @@ def shaded(
 
 def _albedo(mesh: PaintedMesh, faces: NDArray[np.int64], corners: NDArray[np.integer], shares: Array) -> Array:
     """Return colours, 0..1, at points of triangles ``faces``, (p,), with ``corners`` and weights, (p, 3)."""
-    colours = np.einsum("pc,pcd->pd", shares, mesh.colours[corners]) / 255.0
+    if mesh.colours.ndim == 1:
+        colours = np.tile(mesh.colours / 255.0, (len(faces), 1))
+    else:
+        colours = np.einsum("pc,pcd->pd", shares, mesh.colours[corners]) / 255.0
     uv, image_of = np.einsum("pc,pcd->pd", shares, mesh.uv[faces]), mesh.image_of[faces]
     for number, texture in enumerate(mesh.textures):
         chosen = np.flatnonzero(image_of == number)

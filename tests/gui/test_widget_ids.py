@@ -23,7 +23,8 @@ from faceposer.film.tracking import Track
 from faceposer.gui.app import App
 from faceposer.gui.events import Drop
 from faceposer.gui.features.export.feature import ExportFeature
-from faceposer.gui.features.film.feature import FilmFeature, MadeKeys
+from faceposer.gui.features.film.feature import FilmFeature
+from faceposer.gui.features.film.state import MadeKeys
 from faceposer.gui.features.film.stills import Stills
 from faceposer.gui.features.head.feature import HeadFeature
 from faceposer.gui.features.head_making.feature import HeadMakingFeature

@@ -49,6 +49,20 @@ def add_parser(subcommands: Any) -> None:
     parser.add_argument(
         "--landmarks-only", dest="dense", action="store_false", help="use landmarks, not the colours of the photos"
     )
+    parser.add_argument(
+        "--painting",
+        action="store_true",
+        help="the photos are of paintings or drawings: shape from landmarks, and the skin keeps the painter's colours",
+    )
+    parser.add_argument(
+        "--pins",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="PINS.json",
+        help="pins on feature points of each photo, in their order, to which the landmarks are moved; - for a "
+        "photo without (docs/photo-heads.md)",
+    )
     parser.add_argument("--name", help="short name of the character; that of the output if not given")
     parser.add_argument("--title", help="display name of the character; its short name if not given")
 
@@ -59,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     for path, suffix in outputs:
         if path is not None:
             check_output(path, suffix)
-            check_not_input(path, *options.photos)
+            check_not_input(path, *options.photos, *options.pins)
     check_titles(options)
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.files.writing import write_json
@@ -69,7 +83,8 @@ def run(options: argparse.Namespace) -> int:
 
     if len(options.photos) > _MOST_PHOTOS:
         raise FacePoserError(f"There are {len(options.photos)} photos; give at most {_MOST_PHOTOS}.")
-    found = [read_face(path) for path in options.photos]
+    pins = _pins_of(options)
+    found = [read_face(path, pins=given) for path, given in zip(options.photos, pins, strict=True)]
     name = options.name or options.output.stem
     line = ProgressLine()
     try:
@@ -81,6 +96,7 @@ def run(options: argparse.Namespace) -> int:
             title=options.title or name,
             likelihood=options.likelihood,
             dense=options.dense,
+            painting=options.painting,
             progress=line.progress,
         )
     finally:
@@ -89,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
     for photo in made.report["photos"]:
         colours = "" if photo["residual"] is None else f", colours {photo['residual']:.3f}"
         print(printable(f"{photo['photo']}: landmarks {photo['landmark_px']:.1f} px{colours} off"))
-    if options.dense and not made.report["refined"]:
+    if options.dense and not options.painting and not made.report["refined"]:
         print("Colours did not improve the head, which is that of the landmarks.")
     print(f"{options.output} written from {counted(len(found), 'photo')} in {made.report['seconds']:.1f} s")
     if options.report is not None:
@@ -99,6 +115,39 @@ def run(options: argparse.Namespace) -> int:
         _write_session(options, found, made)
         print(f"{options.session} written")
     return 0
+
+
+def _pins_of(options: argparse.Namespace) -> list[dict[str, tuple[float, float]]]:
+    """Return the pins on each photo by name of feature point.
+
+    Raises:
+        FacePoserError: If there are not as many files as photos, or one cannot be used.
+    """
+    from faceposer.landmarks.feature_points import EXTRAPOLATED
+    from faceposer.model.character_file import load_character
+    from faceposer.photo.pins_file import check_inside, read_pins
+    from faceposer.photo.reading import inspect_photo
+
+    if not options.pins:
+        return [{} for _ in options.photos]
+    if len(options.pins) != len(options.photos):
+        raise FacePoserError(
+            f"There are {counted(len(options.photos), 'photo')} and {counted(len(options.pins), 'file')} of pins; give "
+            "one for each photo, or - for a photo without."
+        )
+    known = set(load_character("man").feature_points) - set(EXTRAPOLATED)
+    result = []
+    for path, photo in zip(options.pins, options.photos, strict=True):
+        pins = () if str(path) == "-" else read_pins(path)
+        check_inside(path, pins, inspect_photo(photo).size)
+        for i, pin in enumerate(pins):
+            if not (isinstance(pin.place, str) and pin.place in known):
+                raise FacePoserError(
+                    f"In '{path}', pins[{i}] is not on a feature point that landmarks have; remove it, or take the "
+                    "names that 'faceposer landmarks PHOTO --pins' writes."
+                )
+        result.append({str(pin.place): pin.pixel for pin in pins})
+    return result
 
 
 def _write_session(options: argparse.Namespace, found: "Sequence[FaceInPhoto]", made: "HeadFromPhotos") -> None:
@@ -113,6 +162,7 @@ def _write_session(options: argparse.Namespace, found: "Sequence[FaceInPhoto]", 
     camera = first.full_camera(made.cameras[0])
     pins = tuple(Pin(place, pixel) for place, pixel in feature_pixels(first.full_landmarks()).items())
     photo = Photo(str(first.path.absolute()), first.file.size, pins, camera, first.file.focal)
+    photo = photo.with_expression(made.model, made.poses[0])
     session = open_with_remark(str(options.output))
     with session.edit("Open a photo"):
         session.replace(replace(session.document, photos=(photo,)))

@@ -4,7 +4,7 @@ It starts from the fit of landmarks, which stay. Photos are blurred by less and 
 get coefficients of their own. Where colours make things worse, the fit of landmarks remains.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,12 +15,16 @@ from faceposer.identity.photos.dense_term import DensePhoto
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.head_basis import FacePoints, HeadBasis
 from faceposer.identity.photos.landmark_fit import LandmarkFit
+from faceposer.identity.photos.skin_light import SkinLight
 from faceposer.identity.photos.skin_samples import SkinSamples
 from faceposer.identity.photos.terms import LandmarkTerm
 from faceposer.identity.photos.unknowns import FitState, Layout, NormalEquations
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
+
+# Number of steps for which what is visible is computed once.
+_SEEN_FOR = 8
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class DenseSettings:
         damping: Enlargement of the diagonal of the curvature.
     """
 
-    weight: float = 0.1
+    weight: float = 0.25
     n_samples: int = 2500
     levels: tuple[tuple[float, int], ...] = ((4.0, 6), (2.0, 6), (1.0, 8))
     n_modes: int = 100
@@ -55,9 +59,10 @@ class DenseFit:
     Attributes:
         state: Head, texture, poses and cameras; the coefficients of segments follow those of the whole head.
         rows: Coefficients of the head, one row per segment, shape (s, K).
-        lights: The light in each photo, (9, 3) each.
+        lights: The light in each photo as coefficients of harmonics for the colours of displays, (9, 3) each.
         residuals: Median difference of colours, 0 to 1, of each photo.
         refined: False if the fit of landmarks was better, and was kept.
+        lamps: The light in each photo under which colours were compared.
     """
 
     state: FitState
@@ -65,6 +70,7 @@ class DenseFit:
     lights: tuple[Array, ...]
     residuals: tuple[float, ...]
     refined: bool
+    lamps: tuple[SkinLight, ...] = ()
 
 
 class DenseFitter:
@@ -87,23 +93,32 @@ class DenseFitter:
 
     def fit(self, progress: Progress | None = None) -> DenseFit:
         """Return the refined head."""
-        progress = progress or Progress()
+        *_, last = self._descents(progress or Progress())
+        return self._better(*last)
+
+    def stages(self) -> Iterator[DenseFit]:
+        """Yield the refined head before and, if there are any, after steps with segments."""
+        for found in self._descents(Progress()):
+            yield self._better(*found)
+
+    def _descents(self, progress: Progress) -> Iterator[tuple[FitState, tuple[LandmarkTerm, ...], SkinSamples]]:
+        """Yield state, terms and samples after the last level, and after the steps with segments."""
         start, settings = self._start, self.settings
         state = replace(start.state, texture=np.zeros(len(self._samples.colours)))
         terms, skin = start.terms, self._samples
         total = sum(steps for _, steps in settings.levels) + settings.segment_steps
-        done = 0
-        for number, (blur, steps) in enumerate(settings.levels):
-            photos = self._photos(skin, blur)
+        done, photos = 0, list[DensePhoto]()
+        for blur, steps in settings.levels:
+            photos = self._photos(skin, blur, photos)
             state = self._descended(state, photos, terms, steps, (done, total), progress)
             done += steps
-            if number == len(settings.levels) - 1 and settings.segment_steps:
-                terms, skin = self._with_segments(terms, skin)
-                widened = np.concatenate([state.shape, np.zeros(len(terms[0].points.identity) - len(state.shape))])
-                state = replace(state, shape=widened)
-                photos = self._photos(skin, blur)
-                state = self._descended(state, photos, terms, settings.segment_steps, (done, total), progress)
-        return self._better(state, terms, skin)
+        yield state, terms, skin
+        if settings.segment_steps:
+            terms, skin = self._with_segments(terms, skin)
+            widened = np.concatenate([state.shape, np.zeros(len(terms[0].points.identity) - len(state.shape))])
+            state = replace(state, shape=widened)
+            photos = self._photos(skin, settings.levels[-1][0], photos)
+            yield self._descended(state, photos, terms, settings.segment_steps, (done, total), progress), terms, skin
 
     def _descended(
         self,
@@ -117,7 +132,7 @@ class DenseFitter:
         seen: list[NDArray[np.int64]] = []
         for step in range(steps):
             progress.at("Fitting the head to colours", (done[0] + step) / done[1])
-            if step % 4 == 0:
+            if step % _SEEN_FOR == 0:
                 rest = self._rest(state)
                 seen = [
                     photo.visible(
@@ -133,14 +148,17 @@ class DenseFitter:
             state = state.moved(equations.layout, equations.step(self.settings.damping))
         return state
 
-    def _photos(self, skin: SkinSamples, blur: float) -> list[DensePhoto]:
+    def _photos(self, skin: SkinSamples, blur: float, known: Sequence[DensePhoto] = ()) -> list[DensePhoto]:
+        """Return the photos, blurred, in the light and with the noise of the ``known`` ones, if there are any."""
         settings = self.settings
-        return [
-            DensePhoto(
-                ndimage.gaussian_filter(crop.image, (blur, blur, 0.0)), skin, settings.weight, settings.n_samples
-            )
-            for crop in self._crops
-        ]
+        photos = []
+        for number, crop in enumerate(self._crops):
+            image = ndimage.gaussian_filter(crop.image.astype(np.float32), (blur, blur, 0.0))
+            photo = DensePhoto(image, skin, settings.weight, settings.n_samples)
+            if known:
+                photo.light, photo.noise = known[number].light, known[number].noise
+            photos.append(photo)
+        return photos
 
     def _rest(self, state: FitState) -> Array:
         """Return the neutral skin of the head of ``state``, shape (N, 3)."""
@@ -200,7 +218,7 @@ class DenseFitter:
             shape=np.concatenate([start.state.shape, np.zeros(len(state.shape) - len(start.state.shape))]),
             texture=state.texture,
         )
-        costs, samples = [], []
+        costs, samples, lights = [], [], []
         for tried in (state, before):
             rest = self._rest(tried)
             cost = start.priors.cost(tried)
@@ -210,17 +228,26 @@ class DenseFitter:
                 seen = photo.visible(tried, number, posed, self._skin_triangles)
                 mine = photo.chosen(tried, number, seen, np.random.default_rng(1))
                 chosen.append(mine)
-                if tried is state and len(mine):
-                    photo.noise = photo.residual(state, number, mine).size()
+                if len(mine) and tried is state:
+                    # Both are compared with the noise that is left here.
+                    photo.lit(tried, number, mine)
                 cost += term.cost(tried, view) + (photo.cost(tried, number, mine) if len(mine) else np.inf)
+            lights.append([photo.light for photo in photos])
             costs.append(cost)
             samples.append(chosen)
         refined = bool(np.isfinite(costs[0]) and costs[0] < costs[1])
         kept = state if refined else before
         found = [
-            photo.residual(kept, number, mine)
-            for number, (photo, mine) in enumerate(zip(photos, samples[0 if refined else 1], strict=True))
+            photo.residual(kept, number, mine, light)
+            for number, (photo, mine, light) in enumerate(
+                zip(photos, samples[0 if refined else 1], lights[0 if refined else 1], strict=True)
+            )
         ]
         return DenseFit(
-            kept, self.rows(kept), tuple(one.light for one in found), tuple(one.size() for one in found), refined
+            kept,
+            self.rows(kept),
+            tuple(one.harmonic_light() for one in found),
+            tuple(one.size() for one in found),
+            refined,
+            tuple(one.lit.light for one in found),
         )

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 N_LIGHT = 9
-# Mean light on the face of a photo that is well exposed, and its weight, relative to the number of samples: dark skin
-# in bright light and bright skin in dark light look the same.
+# Mean light on the face of a photo that is well exposed, and its weight, relative to the sum of squares of the albedo:
+# dark skin in bright light and bright skin in dark light look the same.
 _EXPOSURE, _EXPOSED = 0.95, 0.05
-# Ridge on the coefficients, relative to the number of samples: least on the ambient light.
+# Ridge on the coefficients, relative to the sum of squares of the albedo: least on the ambient light.
 _RIDGE = 0.02 * np.array([1e-3, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.3, 0.3])
 # Residual of a colour, 0 to 1, from which a sample counts less, and the number of rounds.
 _DOUBTFUL, _ROUNDS = 0.08, 4
@@ -55,11 +55,11 @@ def fitted_light(colours: Array, albedo: Array, normals: Array, trust: Array) ->
     """
     basis = harmonics(normals)
     light = np.zeros((N_LIGHT, 3))
-    total = max(float(trust.sum()), 1.0)
-    mean = trust @ basis / total
-    prior = total * (np.diag(_RIDGE) + _EXPOSED * np.outer(mean, mean))
-    expected = total * _EXPOSED * _EXPOSURE * mean
+    mean = trust @ basis / max(float(trust.sum()), 1.0)
     for channel in range(3):
+        total = max(float(trust @ np.square(albedo[:, channel])), 1e-6)
+        prior = total * (np.diag(_RIDGE) + _EXPOSED * np.outer(mean, mean))
+        expected = total * _EXPOSED * _EXPOSURE * mean
         rows, weights = basis * albedo[:, channel, None], trust
         for _ in range(_ROUNDS):
             weighted = rows * weights[:, None]

@@ -20,6 +20,7 @@ from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
 from faceposer.identity.photos.iris_colour import eye_colour_of
 from faceposer.identity.photos.landmark_fit import LandmarkFit, PhotoFace, fit_landmarks, fit_points
+from faceposer.identity.photos.painted_light import painted_light
 from faceposer.identity.photos.photo_texture import LitPhoto, photo_texture
 from faceposer.identity.photos.skin_samples import shipped_samples
 from faceposer.identity.skin_layers import SkinLayers
@@ -36,6 +37,10 @@ MOST_YAW = 1.05
 # Height of the face, in pixels, in the crop from which the texture is taken.
 _TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
+# Weight of the density of heads for paintings, whose features are a painter's.
+_PAINTED = 2.0
+# How much more colours of a painted face may differ than those of skin under one light.
+_TOLERANCE = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +78,7 @@ def head_from_photos(
     title: str,
     likelihood: float = 1.0,
     dense: bool = True,
+    painting: bool = False,
     settings: DenseSettings | None = None,
     progress: Progress | None = None,
 ) -> HeadFromPhotos:
@@ -86,6 +92,8 @@ def head_from_photos(
         title: Its display name.
         likelihood: Weight of the density of heads: below 1 for more likeness, above 1 for a likelier head.
         dense: Refine the head by the colours of the photos, and take them over.
+        painting: The photos are paintings or drawings, whose light and colours tell nothing of the shape, and are kept
+            on the skin.
         settings: Settings of the refinement.
         progress: Progress to update.
 
@@ -97,20 +105,27 @@ def head_from_photos(
     progress.at("Preparing the model of heads")
     basis, places = head_basis(), load_face_places()
     crops = [FaceCrop.of(face, image) for face, image in zip(faces, images, strict=True)]
-    fit = fit_landmarks([crop.face for crop in crops], basis, places, likelihood, progress)
+    strength = likelihood * (_PAINTED if painting else 1.0)
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, strength, progress)
     check_turns(fit, names)
     found: DenseFit | None = None
-    if dense:
+    if dense and not painting:
         found = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings).fit(progress)
     rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
     identity = Identity.of(rows)
-    if found is not None:
-        identity = replace(identity, texture=_skin_texture(found, basis, identity, crops))
+    line = None if found is None else found.state.texture
+    if dense:
+        identity = replace(identity, texture=_skin_texture(line, basis, identity, crops))
     progress.at("Making the character")
     model = build_face_model(_named(basis.editor.with_head(identity), basis.editor.model, name, title, len(faces)))
     views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
     lights: tuple[Array, ...] = () if found is None else found.lights
-    if found is not None and identity.texture is not None:
+    if dense and painting:
+        lights = tuple(
+            painted_light(crop.image, camera, model.surface(pose).astype(np.float64), shipped_samples(basis, places))
+            for crop, (pose, camera) in zip(crops, views, strict=True)
+        )
+    if identity.texture is not None:
         progress.at("Taking the colours of the photos")
         lit = [
             _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
@@ -118,11 +133,11 @@ def head_from_photos(
         ]
         # The brows are those of the photos.
         bare = replace(identity.texture, layers=replace(identity.texture.layers, brows="none"))
-        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places)
+        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places, _TOLERANCE if painting else 1.0)
         textures = {**model.character.textures, "skin": skin}
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))
-    report = _report(names, crops, fit, found, cameras, basis)
+    report = _report(names, crops, fit, found, lights, cameras, basis)
     report["seconds"] = round(time.perf_counter() - begun, 2)
     return HeadFromPhotos(identity, model, tuple(pose for pose, _ in views), cameras, lights, report)
 
@@ -186,10 +201,12 @@ def _lit_photo(
     )
 
 
-def _skin_texture(found: DenseFit, basis: HeadBasis, identity: Identity, crops: Sequence[FaceCrop]) -> SkinTexture:
-    """Return the texture of the model that is most like the photos, with the usual layers of such a head."""
+def _skin_texture(line: Array | None, basis: HeadBasis, identity: Identity, crops: Sequence[FaceCrop]) -> SkinTexture:
+    """Return the texture of the model with the coefficients of ``line``, or the average, with usual layers."""
     model = load_texture_model()
-    coefficients = np.clip(model.of_line(found.state.texture[: model.n_coefficients]), -LIMIT, LIMIT)
+    coefficients = np.zeros(model.n_coefficients)
+    if line is not None:
+        coefficients = np.clip(model.of_line(line[: model.n_coefficients]), -LIMIT, LIMIT)
     female = basis.editor.measure(identity)["gender"] > 0.0
     layers = SkinLayers(hair="combed" if female else "short", brows="arched" if female else "straight")
     return SkinTexture(tuple(coefficients.tolist()), layers, eye_colour_of(crops))
@@ -200,6 +217,7 @@ def _report(
     crops: Sequence[FaceCrop],
     fit: LandmarkFit,
     found: DenseFit | None,
+    lights: tuple[Array, ...],
     cameras: Sequence[Camera],
     basis: HeadBasis,
 ) -> dict[str, Any]:
@@ -210,7 +228,7 @@ def _report(
             "landmark_px": round(fit.landmark_px(number) / crop.factor, 2),
             "residual": None if found is None else round(found.residuals[number], _DIGITS),
             "camera": camera_json(camera),
-            "light": None if found is None else found.lights[number].round(_DIGITS).tolist(),
+            "light": lights[number].round(_DIGITS).tolist() if lights else None,
         }
         photos.append(entry)
     rows = fit.state.shape[None] if found is None else found.rows

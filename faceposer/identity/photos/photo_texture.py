@@ -145,23 +145,27 @@ def _smooth(values: Array, limits: tuple[float, float]) -> Array:
     return result
 
 
-def photo_texture(photos: Sequence[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces) -> bytes:
+def photo_texture(
+    photos: Sequence[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces, tolerance: float = 1.0
+) -> bytes:
     """Return the encoded texture, JPEG, of a head in ``photos``, over the encoded texture ``under`` of the model.
+
+    Colours that differ more than skin under one light does, times ``tolerance``, are left out.
 
     Raises:
         FacePoserError: If ``under`` cannot be decoded.
     """
-    return blended([_layer(photos, _grid(under), basis, places)], under)
+    return blended([_layer(photos, _grid(under), basis, places, tolerance)], under)
 
 
-def _layer(photos: Sequence[LitPhoto], model: Array, basis: HeadBasis, places: FacePlaces) -> Layer:
+def _layer(photos: Sequence[LitPhoto], model: Array, basis: HeadBasis, places: FacePlaces, tolerance: float) -> Layer:
     """Return the colours of the face in ``photos``, own and mirrored, with ``model``, (side², 3), for comparison."""
     texels = face_texels(basis, places)
     total = np.zeros((_SIDE * _SIDE, 3), dtype=np.float32)
     share = np.zeros(_SIDE * _SIDE, dtype=np.float32)
     for photo in photos:
         colours, weights = _seen(photo, texels, basis)
-        weights = weights * _plausible(colours, weights, model, texels)
+        weights = weights * _plausible(colours, weights, model, texels, tolerance)
         total[texels.at] += (weights[:, None] * colours).astype(np.float32)
         share[texels.at] += weights.astype(np.float32)
     other_side = share[texels.mirror]
@@ -209,7 +213,7 @@ def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Arr
     return colours / np.maximum(shade, _DARKEST * np.maximum(usual, 1e-3)), trust
 
 
-def _plausible(colours: Array, weights: Array, model: Array, texels: Texels) -> Array:
+def _plausible(colours: Array, weights: Array, model: Array, texels: Texels, tolerance: float) -> Array:
     """Return factors on the weights of texels: less where smooth colours are not of this skin, (n,)."""
     logs = np.zeros((_SIDE * _SIDE, 4), dtype=np.float32)
     logs[texels.at, :3] = np.log(np.maximum(colours, 0.02)) - np.log(np.maximum(model[texels.at], 0.02))
@@ -219,7 +223,7 @@ def _plausible(colours: Array, weights: Array, model: Array, texels: Texels) -> 
     smooth = grid[texels.at, :3] / np.maximum(grid[texels.at, 3:], 1e-6)
     usual = np.median(smooth[weights > 0.5], axis=0) if (weights > 0.5).any() else np.zeros(3)
     off = np.abs(smooth - usual).max(axis=1)
-    result: Array = np.maximum(1.0 - _smooth(off, (_FOREIGN, 2.0 * _FOREIGN)), texels.brows)
+    result: Array = np.maximum(1.0 - _smooth(off / tolerance, (_FOREIGN, 2.0 * _FOREIGN)), texels.brows)
     return result
 
 

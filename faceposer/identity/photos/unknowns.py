@@ -135,6 +135,12 @@ class NormalEquations:
         self.matrix[np.ix_(indices, indices)] += rows.T @ rows
         self.slope[indices] += rows.T @ residual
 
+    def add_products(self, matrix: Array, slope: Array, where: list[slice]) -> None:
+        """Add curvature, (k, k), and derivatives, (k,), by the unknowns ``where``."""
+        indices = np.concatenate([np.arange(at.start, at.stop) for at in where])
+        self.matrix[np.ix_(indices, indices)] += matrix
+        self.slope[indices] += slope
+
     def add_block(self, at: slice, slope: Array, curvature: Array | float) -> None:
         """Add a term of the unknowns ``at`` alone; a number stands for a multiple of the unit matrix."""
         n = at.stop - at.start

@@ -126,40 +126,56 @@ def blended(layers: list[Layer], base: bytes) -> bytes:
     """
     from PIL import Image
 
-    under = _decoded(base, _SIDE)
+    under = _picture(base, _SIDE)
     if under is None:
         raise FacePoserError("The skin of the built-in man cannot be read; install Face Poser again.")
-    total, share = np.zeros((_SIDE, _SIDE, 3), dtype=np.float32), np.zeros((_SIDE, _SIDE), dtype=np.float32)
-    for layer in layers:
-        depth = ndimage.distance_transform_edt(layer.known).astype(np.float32)
-        weight = np.clip((depth - _LEFT_OUT) / _FADE, 0.0, 1.0)
-        weight = weight * weight * (3.0 - 2.0 * weight)
-        total += weight[..., None] * layer.colours
+    weights = [_faded(layer.known) for layer in layers]
+    share = np.zeros((_SIDE, _SIDE), dtype=np.float32)
+    for weight in weights:
         share += weight
-    total /= np.maximum(share, 1e-6)[..., None]
-    opacity = np.minimum(share, 1.0)[..., None]
-    if share.max() > 0.0:
-        under *= _factors(total, share, under)
-    image = np.clip(opacity * total + (1.0 - opacity) * under, 0.0, 255.0)
+    image = np.empty((_SIDE, _SIDE, 3), dtype=np.uint8)
+    # One channel at a time, for the memory's sake.
+    for channel in range(3):
+        total = np.zeros((_SIDE, _SIDE), dtype=np.float32)
+        for layer, weight in zip(layers, weights, strict=True):
+            total += weight * layer.colours[..., channel]
+        total /= np.maximum(share, 1e-6)
+        below = under[..., channel].astype(np.float32)
+        if share.max() > 0.0:
+            below *= _factors(total, share, below)
+        total -= below
+        total *= np.minimum(share, 1.0)
+        total += below
+        image[..., channel] = np.rint(np.clip(total, 0.0, 255.0, out=total), out=total)
     out = io.BytesIO()
-    Image.fromarray(np.rint(image).astype(np.uint8)).save(out, format="JPEG", quality=_QUALITY, subsampling=0)
+    Image.fromarray(image).save(out, format="JPEG", quality=_QUALITY, subsampling=0)
     return out.getvalue()
 
 
+def _faded(known: Mask) -> Image32:
+    """Return the opacity of a layer with colours where they are ``known``, falling to its border, (side, side)."""
+    weight = ndimage.distance_transform_edt(known).astype(np.float32)
+    weight -= _LEFT_OUT
+    weight /= _FADE
+    np.clip(weight, 0.0, 1.0, out=weight)
+    result: Image32 = weight * weight * (3.0 - 2.0 * weight)
+    return result
+
+
 def _factors(colours: Image32, share: Image32, under: Image32) -> Image32:
-    """Return the smooth factors that bring the colours of the skin ``under`` to those of the scan, (side, side, 3)."""
+    """Return the smooth factors that bring a channel of the skin ``under`` to that of the scan, (side, side)."""
     step = _SIDE // _COARSE
     weights = _reduced(share[..., None], step)[..., 0]
     known = np.maximum(weights, 1e-6)[..., None]
-    ours, theirs = (_reduced(image * share[..., None], step) / known for image in (colours, under))
+    ours, theirs = (_reduced((image * share)[..., None], step) / known for image in (colours, under))
     logs: Image32 = np.log(np.maximum(ours, 2.0) / np.maximum(theirs, 2.0)).astype(np.float32)
     # Lips and brows of the two do not lie on each other: differences of detail are no differences of tone.
     if (weights > 0.5).any():
         low, high = np.quantile(logs[weights > 0.5], (0.05, 0.95), axis=0).astype(np.float32)
         logs = np.clip(logs, low, high).astype(np.float32)
     filled = _pulled_and_pushed(logs, np.minimum(weights, 1.0).astype(np.float32))
-    zoom = ndimage.zoom(filled, (step, step, 1), order=1, grid_mode=True, mode="nearest")
-    factors: Image32 = np.clip(np.exp(zoom), *_FACTORS).astype(np.float32)
+    zoom = ndimage.zoom(filled[..., 0], step, order=1, grid_mode=True, mode="nearest")
+    factors: Image32 = np.clip(np.exp(zoom, out=zoom), *_FACTORS, out=zoom)
     return factors
 
 
@@ -203,6 +219,12 @@ def _colours_at(mesh: PaintedMesh, faces: NDArray[np.int64], weights: Array) -> 
 
 
 def _decoded(data: bytes, side: int | None) -> Image32 | None:
+    """Return the pixels of an encoded image as `_picture`, as decimal numbers."""
+    picture = _picture(data, side)
+    return None if picture is None else picture.astype(np.float32)
+
+
+def _picture(data: bytes, side: int | None) -> NDArray[np.uint8] | None:
     """Return the pixels of an encoded image, 0 to 255, resized to ``side`` if given, or None if it is damaged."""
     from PIL import Image
 
@@ -213,6 +235,6 @@ def _decoded(data: bytes, side: int | None) -> Image32 | None:
             converted = image.convert("RGB")
             if side is not None and converted.size != (side, side):
                 converted = converted.resize((side, side), Image.Resampling.BICUBIC)
-            return np.asarray(converted, dtype=np.float32)
+            return np.asarray(converted)
     except (OSError, *DECODER_ERRORS):
         return None

@@ -1,5 +1,6 @@
 """Photos at the window, by pointer and keys: dropped, pinned, posed after, saved and opened again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ from PIL import Image
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.events import Drop
+from faceposer.gui.features.photo.feature import PhotoFeature
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.face_model import FaceModel
-from faceposer.photo.photo import Pin
+from faceposer.photo.photo import Photo, Pin
 from faceposer.photo.places import GUIDED, guided
 from faceposer.render.offscreen import render_character
 from tests.windows import OpenWindow
@@ -70,6 +72,44 @@ def pin(robot: Robot, count: int) -> None:
         assert robot.app.toolbox.photo_tool.place == name
         u, v = TAKEN.project(vertices[[model.character.feature_points[name]]])[0].tolist()
         robot.click(at(robot, (u, v)))
+
+
+def test_the_face_is_put_back_into_its_photo(robot: Robot, tmp_path: Path) -> None:
+    """The photo shows the neutral man; once he smiles, the view shows the photo with the smile."""
+    app = robot.app
+    model = app.session.model
+    shot = tmp_path / "man.png"
+    Image.fromarray(render_character(model.character, model.surface(model.neutral()), TAKEN)).save(shot)
+    taken = Photo(str(shot), SIZE, camera=TAKEN).with_expression(model, model.neutral())
+    with app.session.edit("Open a photo"):
+        app.session.replace(replace(app.session.document, photos=(taken,)))
+    photos = app.features[PhotoFeature]
+    photos.choose(0)
+    robot.frames(2)
+    robot.click_widget("tab:Photo")
+    assert photos.can_put_back
+    robot.click_widget("photo-put-back")
+    robot.frames(2)
+    photos.putting_back.join()
+    robot.frames(3)
+    layer = app.scene.photo
+    assert layer is not None
+    assert layer.before == 1.0
+    first = layer.picture.read()
+    app.session.rebase_pose(model.coefficients_of(SMILE), "Smile")
+    robot.frames(2)
+    # The face itself is shown until the picture is there.
+    assert app.scene.photo is not None
+    assert app.scene.photo.before < 1.0
+    photos.putting_back.join()
+    robot.frames(3)
+    assert app.scene.photo is not None
+    assert app.scene.photo.before == 1.0
+    assert app.scene.photo.picture.read() != first
+    robot.click_widget("photo-put-back")
+    robot.frames(2)
+    assert app.scene.photo is not None
+    assert app.scene.photo.before < 1.0
 
 
 def beside(robot: Robot) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -70,12 +70,21 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     finish(robot)
     assert page(robot) == "result"
     assert state.error == ""
+    # A line between photo and head follows the pointer.
+    assert state.result is not None
+    assert state.result.over is not None
+    assert state.result.over.shape == state.result.picture.shape
+    left, top, right, _ = robot.app.widget_rects["photo-head:picture"]
+    robot.drag((0.5 * (left + right), top + 60.0), (0.25 * right + 0.75 * left, top + 60.0))
+    robot.frames(2)
+    assert state.dialog.wiped == pytest.approx(0.25, abs=0.02)
     robot.click_widget("photo-head:open")
     robot.frames(4)
     session = robot.app.session
     assert session.model.character.title == "Jane Doe"
     assert Path(session.document.photos[0].path) == photo
     assert session.dirty
+    assert session.document.photos[0].expression
     weights = dict(
         zip(session.model.character.shape_names, session.model.weights_of(session.coefficients), strict=True)
     )

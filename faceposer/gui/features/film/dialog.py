@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from faceposer.animation.keyframes import TOLERANCE
 from faceposer.errors import counted
+from faceposer.gui.features.film.state import FilmState
 from faceposer.gui.widgets.basic import caption, text_field, wrapped_text
 from faceposer.gui.widgets.modal import (
     draw_job,
@@ -26,7 +27,6 @@ from faceposer.gui.widgets.tooltips import tooltip
 
 if TYPE_CHECKING:
     from faceposer.film.film import Film
-    from faceposer.gui.features.film.feature import FilmFeature
 
 _WIDTH, _TALLEST, _LABEL, _TIME, _PICTURE = 32.0, 30.0, 4.6, 7.0, 16.0
 _PREFIX, _TITLE = "film", "Expressions from a film"
@@ -36,7 +36,7 @@ _FORM = (("follow", "Follow the face"), ("cancel", "Cancel"))
 class FilmDialog:
     """The dialog."""
 
-    def __init__(self, film: "FilmFeature") -> None:
+    def __init__(self, film: FilmState) -> None:
         """Show and change the state of ``film``."""
         self._film = film
         self._picture = Picture()

@@ -2,50 +2,34 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
-from faceposer.animation.keyframes import TOLERANCE, Keyframes
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
-from faceposer.film.film import FILM_SUFFIXES, Span, check_span, open_film, seconds_of
+from faceposer.film.film import FILM_SUFFIXES, open_film
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature
 from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
 from faceposer.gui.features.film.dialog import FilmDialog
+from faceposer.gui.features.film.state import FilmState
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.pictures import Picture
 from faceposer.gui.widgets.theme import EDGE, em, u32
-from faceposer.model.face_model import FaceModel
-from faceposer.progress import Progress
-from faceposer.session.jobs import ThreadJob
+from faceposer.session.jobs import outcome
 from faceposer.session.session import Session
 
 if TYPE_CHECKING:
-    from faceposer.film.expression import FilmExpression
-    from faceposer.film.film import Film
     from faceposer.gui.features.film.stills import Stills
-
-Page = Literal["form", "working", "result"]
 
 # Width of the film beside the face, as a share of the view, and its distance from the corner in font sizes.
 _SHARE, _MARGIN = 0.24, 0.8
-
-
-@dataclass(frozen=True, eq=False)
-class MadeKeys:
-    """What the work returns: the expressions, with a key at every frame, and with few keys."""
-
-    found: "FilmExpression"
-    dense: Keyframes
-    few: Keyframes
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,41 +43,20 @@ class _Shown:
     rate: float
 
 
-class FilmFeature(Feature):
-    """State of the dialog that animates the face by a film.
+class FilmFeature(FilmState, Feature):
+    """The dialog that animates the face by a film, and the film beside the face.
 
     Attributes:
-        open: True while the dialog is shown.
-        film: The film, or None.
-        start: Beginning of the part that is used, as typed.
-        end: Its end, as typed; "" for that of the film.
-        colours: Follow the colours of the face, too.
-        error: Reason why the last step failed, one sentence, or "".
-        job: The work in progress, or None.
-        result: The keys that were made, or None.
         visible: Show the film beside the face.
     """
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
+        Feature.__init__(self, context)
         self._dialog = FilmDialog(self)
-        self.open = False
-        self.film: Film | None = None
-        self.start, self.end, self.colours = "", "", True
-        self.error = ""
-        self.job: ThreadJob[MadeKeys] | None = None
-        self.result: MadeKeys | None = None
         self.visible = True
-        self.stills: Stills | None = None
         self._shown: _Shown | None = None
         self._picture = Picture()
-
-    @property
-    def page(self) -> Page:
-        """Current page of the dialog."""
-        if self.job is not None:
-            return "working"
-        return "form" if self.result is None else "result"
 
     @property
     def patience(self) -> float:
@@ -179,40 +142,9 @@ class FilmFeature(Feature):
         self.context.redraw()
 
     def close_dialog(self) -> None:
-        """Close the dialog; its film is forgotten."""
-        self.open, self.error, self.result, self.film = False, "", None, None
-        self.stills = None
+        """Close the dialog; its film and picture are forgotten."""
+        super().close_dialog()
         self._dialog.forget()
-        self.context.redraw()
-
-    def follow(self) -> None:
-        """Follow the face in the background."""
-        from faceposer.gui.features.film.stills import Stills
-
-        assert self.film is not None
-        try:
-            times = [seconds_of(text) if text.strip() else None for text in (self.start, self.end)]
-        except ValueError as error:
-            self.error = f"'{error}' is no time in seconds such as 12.5, nor 1:02.5."
-            return
-        span = Span(times[0] or 0.0, times[1])
-        if span.end is not None and span.end <= span.start:
-            self.error = "The end of the part is not after its beginning; give a later time."
-            return
-        try:
-            check_span(self.film, span)
-        except FacePoserError as error:
-            self.error = str(error)
-            return
-        self.error, self.stills = "", Stills()
-        work = partial(_work, self.film.path, self.context.session.model, span, self.colours, self.stills)
-        self.job = ThreadJob(work, self.context.wake, "Opening the film")
-        self.context.redraw()
-
-    def stop(self) -> None:
-        """Cancel the work; the animation stays as it is."""
-        if self.job is not None:
-            self.job.cancel()
 
     def update(self) -> None:
         """Show the progress of the work, and its result when it ends.
@@ -228,14 +160,7 @@ class FilmFeature(Feature):
             return
         self.job = None
         self.context.redraw()
-        if isinstance(job.error, FacePoserError):
-            self.error = str(job.error)
-        elif isinstance(job.error, MemoryError):
-            self.error = "There is not enough memory; choose a shorter part of the film."
-        elif job.error is not None:
-            raise job.error
-        else:
-            self.result = job.result
+        self.result, self.error = outcome(job, "choose a shorter part of the film.")
 
     def take(self, few: bool) -> None:
         """Set the keys, ``few`` of them or one at every frame, as one step of the history, and close the dialog."""
@@ -303,12 +228,3 @@ class FilmFeature(Feature):
         """Wait until the cancelled work has ended."""
         if self.job is not None:
             self.job.join()
-
-
-def _work(path: Path, model: FaceModel, span: Span, colours: bool, stills: "Stills", progress: Progress) -> MadeKeys:
-    from faceposer.film.expression import expression_of_film
-
-    found = expression_of_film(path, model, span=span, colours=colours, progress=progress, watch=stills.watch)
-    progress.at("Choosing keys")
-    dense = Keyframes.of_performance(found.performance)
-    return MadeKeys(found, dense, dense.reduced(model, TOLERANCE))

@@ -47,12 +47,17 @@ _REACH = 0.9
 
 
 class HeadDialog:
-    """The dialog."""
+    """The dialog.
+
+    Attributes:
+        wiped: Where the line between the pictures of a comparison is, as a share of their width.
+    """
 
     def __init__(self, head: "HeadMaking[Any, Any]") -> None:
         """Show the state of ``head``."""
         self._head = head
-        self._picture = Picture()
+        self._picture, self._over = Picture(), Picture()
+        self.wiped = 0.5
         self._dragged: str | None = None
         # Height in pixels that the dialog has had, below which it does not fall while it works.
         self._height = 0.0
@@ -65,11 +70,13 @@ class HeadDialog:
     def forget(self) -> None:
         """Forget the picture that is shown."""
         self._picture.forget()
-        self._dragged = None
+        self._over.forget()
+        self._dragged, self.wiped = None, 0.5
 
     def release(self) -> None:
-        """Release the picture's texture."""
+        """Release the textures of the pictures."""
         self._picture.release()
+        self._over.release()
 
     def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the current page; ``draw_above`` draws the dialogs above it."""
@@ -225,7 +232,28 @@ class HeadDialog:
         result = self._head.result
         assert result is not None
         caption(result.text)
-        self._draw_picture(result.picture)
+        low, width = self._draw_picture(result.picture)
+        if result.over is not None:
+            self._draw_wipe(result.over, low, width)
+
+    def _draw_wipe(self, over: NDArray[np.uint8], low: ImVec2, width: float) -> None:
+        """Draw ``over`` on the right of a line over the picture at ``low``, and move the line under the pointer."""
+        head = self._head
+        if imgui.is_item_active():
+            self.wiped = min(max((imgui.get_mouse_pos().x - low.x) / width, 0.0), 1.0)
+            head.context.redraw(1)
+        if imgui.is_item_hovered():
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew.value)
+        bottom = low.y + width * over.shape[0] / over.shape[1]
+        at = low.x + self.wiped * width
+        draw = imgui.get_window_draw_list()
+        texture = imgui.ImTextureRef(self._over.texture(head.context.gl, over))
+        corners = (ImVec2(at, low.y), ImVec2(low.x + width, bottom), ImVec2(self.wiped, 0.0), ImVec2(1.0, 1.0))
+        if self.wiped < 1.0:
+            draw.add_image(texture, *corners)
+        draw.add_line(ImVec2(at, low.y), ImVec2(at, bottom), u32((0.0, 0.0, 0.0, 0.6)), em(0.2))
+        draw.add_line(ImVec2(at, low.y), ImVec2(at, bottom), u32(INK), em(0.1))
+        draw.add_circle_filled(ImVec2(at, 0.5 * (low.y + bottom)), em(0.45), u32(INK))
 
     def _draw_picture(self, image: NDArray[np.uint8]) -> tuple[ImVec2, float]:
         """Draw ``image`` as large as there is room and return its top left corner and its width."""

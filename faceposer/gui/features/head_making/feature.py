@@ -18,8 +18,8 @@ class HeadMakingFeature(HeadMaking[M, H], Feature):
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
         Feature.__init__(self, context)
-        self._dialog = HeadDialog(self)
-        self._on_forget = self._dialog.forget
+        self.dialog = HeadDialog(self)
+        self._on_forget = self.dialog.forget
 
     @property
     def patience(self) -> float:
@@ -57,7 +57,7 @@ class HeadMakingFeature(HeadMaking[M, H], Feature):
     def draw_around_dialogs(self, draw_dialogs: Callable[[], None]) -> bool:
         """Draw the dialog, if it is open, with file dialogs above it."""
         if self.open:
-            self._dialog.draw(draw_dialogs)
+            self.dialog.draw(draw_dialogs)
         return self.open
 
     def accept_files(self, dropped: tuple[str, ...]) -> bool:
@@ -92,7 +92,7 @@ class HeadMakingFeature(HeadMaking[M, H], Feature):
     def close(self) -> None:
         """Cancel the work and release pictures."""
         self.stop()
-        self._dialog.release()
+        self.dialog.release()
 
     def join(self) -> None:
         """Wait until the cancelled work has ended."""

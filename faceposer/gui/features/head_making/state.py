@@ -67,6 +67,11 @@ class MadeHead:
     text: str
     picture: NDArray[np.uint8]
 
+    @property
+    def over(self) -> NDArray[np.uint8] | None:
+        """A picture of the same size that covers `picture` on the right of a line that can be dragged, or None."""
+        return None
+
 
 @dataclass(frozen=True)
 class Words:

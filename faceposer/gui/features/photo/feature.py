@@ -1,11 +1,9 @@
 """Photos to pose the face from: the active photo, its texture, and the commands of the tab."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
@@ -20,26 +18,23 @@ from faceposer.gui.features.photo.actions import photo_actions
 from faceposer.gui.features.photo.expression import TakeExpression
 from faceposer.gui.features.photo.overlay import draw_photo_overlay
 from faceposer.gui.features.photo.panel import draw_photo_tab
+from faceposer.gui.features.photo.putting_back import PuttingBack
+from faceposer.gui.features.photo.textures import PhotoTextures
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.photo.aligning import aligned, first_camera
 from faceposer.photo.photo import MAX_PHOTOS, Photo, Place
 from faceposer.photo.reading import PHOTO_SUFFIXES, inspect_photo, read_photo
-from faceposer.render.offscreen import photo_texture
 from faceposer.render.renderer import PhotoLayer
 from faceposer.session.photos import pose_from_photo, with_photo
 from faceposer.solve.camera_fit import LEAST_POINTS
 from faceposer.tools.photo_tool import PhotoTool
 
-# Longer side of a texture: supported by ordinary GPUs, and larger than most displays.
-_LARGEST = 4096
 # Rotation of the view in radians over which the photo fades.
 _FADE = 0.25
 # Share of the view's height below which a head is small.
 _SMALL = 0.5
-# Textures kept, so that switching between photos takes no time.
-_MOST_TEXTURES = 4
 # Least opacity of the photo over the face while pins are set.
 _LEAST_PINNING_OPACITY = 0.7
 
@@ -64,7 +59,7 @@ class PhotoFeature(Feature):
     def __init__(self, context: EditorContext) -> None:
         """Serve ``context``; photos are read when they are first shown."""
         super().__init__(context)
-        self._textures: dict[str, moderngl.Texture | None] = {}
+        self._textures = PhotoTextures()
         # Path of the photo and its number of pins in the last frame.
         self._last_pin_count = ("", 0)
         # Path of the photo and places of its pins in the last frame, and the revision of the session.
@@ -72,6 +67,7 @@ class PhotoFeature(Feature):
         # True if the photo has to be framed as soon as the view has a size.
         self._framing_pending = False
         self.expression = TakeExpression(context, self.look_through)
+        self.putting_back = PuttingBack(context)
 
     # State
 
@@ -126,7 +122,8 @@ class PhotoFeature(Feature):
         """Look through the photo that the session was saved with, and report missing files."""
         # Files may have changed on disk.
         self.context.scene.photo = None
-        self._release()
+        self._textures.release()
+        self.putting_back.forget()
         view, camera = self.context.viewport.view, self.context.viewport.camera
         matching = [i for i, photo in enumerate(self.photos) if photo.camera and photo.camera.same_viewpoint(camera)]
         self.tool.active = matching[0] if matching else 0 if self.photos else None
@@ -159,7 +156,7 @@ class PhotoFeature(Feature):
             if view.photo != camera:
                 view = viewport.view = view.through(camera)
             self._suggest_framing(photo)
-            texture = self._texture(photo) if photo.visible else None
+            texture = self._textures.texture(self.context.gl, photo.path) if photo.visible else None
             if texture is not None:
                 near = max(1.0 - max(abs(view.yaw), abs(view.pitch)) / _FADE, 0.0)
                 opacity = photo.opacity
@@ -169,13 +166,15 @@ class PhotoFeature(Feature):
                     opacity = max(opacity, least) if photo.front else min(opacity, 1.0 - least)
                 behind, before = (0.0, opacity) if photo.front else (1.0, 1.0 - opacity)
                 before = before if view.aligned else 0.0
+                changed = self.putting_back.picture(photo)
+                if changed is not None and view.aligned and not self._pinning:
+                    texture, behind, before = changed, 0.0, 1.0
                 layer = PhotoLayer(texture, photo.size, camera.focal, near * behind, near * before)
         if layer != scene.photo:
             scene.photo = layer
             self.context.redraw()
-        if len(self._textures) > _MOST_TEXTURES:
-            # Released here rather than when a texture is added, because this frame may still draw it.
-            self._release(kept="" if photo is None else photo.path)
+        # Released here rather than when a texture is added, because this frame may still draw it.
+        self._textures.trim(kept="" if photo is None else photo.path)
 
     def _follow_undo(self) -> None:
         """Ask for the place of a pin again that was undone."""
@@ -208,35 +207,21 @@ class PhotoFeature(Feature):
             if float(np.ptp(head[:, 1])) < _SMALL * context.viewport.size[1]:
                 context.notify(f"Press {context.actions['frame'].shortcut} to zoom in on the head")
 
-    def _texture(self, photo: Photo) -> moderngl.Texture | None:
-        """Return the texture of ``photo``, or None if its file cannot be read."""
-        if photo.path not in self._textures:
-            # A file that cannot be read is not read again in every frame.
-            self._textures[photo.path] = None
-            with suppress(FacePoserError):
-                pixels = read_photo(Path(photo.path), _LARGEST)
-                self._textures[photo.path] = photo_texture(self.context.gl, pixels)
-        return self._textures[photo.path]
-
     @property
     def readable(self) -> bool:
         """True if the file of the active photo could be read."""
-        return self.photo is not None and self._texture(self.photo) is not None
-
-    def _release(self, kept: str = "") -> None:
-        for path in [path for path in self._textures if path != kept]:
-            texture = self._textures.pop(path)
-            if texture is not None:
-                texture.release()
+        return self.photo is not None and self._textures.texture(self.context.gl, self.photo.path) is not None
 
     def join(self) -> None:
         """Wait for the face that is being found."""
         self.expression.join()
+        self.putting_back.join()
 
     def close(self) -> None:
         """Release the textures."""
         self.context.scene.photo = None
-        self._release()
+        self._textures.release()
+        self.putting_back.forget()
 
     # Drawing
 
@@ -382,6 +367,16 @@ class PhotoFeature(Feature):
             self.context.toolbox.finish()
             self.context.toolbox.choose("point")
             self.expression.start(self.photo)
+
+    @property
+    def can_put_back(self) -> bool:
+        """True if it is known how the active photo shows the face, so that the face can be put back into it."""
+        return self.photo is not None and self.putting_back.possible(self.photo)
+
+    def save_picture(self) -> None:
+        """Ask for a file, and write the photo with the face as it is now to it."""
+        if self.photo is not None:
+            self.putting_back.ask_for_file(self.photo)
 
     def pose_from_pins(self) -> None:
         """Pose the face from the pins as one step of the history; constraints made from them before are replaced."""

@@ -115,6 +115,22 @@ def _draw_layers(photos: Photos, photo: Photo) -> None:
             context.viewport.view = replace(view if not locked else view.back(), locked=locked)
     if not photos.aligned:
         action_button(context.widget_rects, context.actions["photo-look"], -1.0, strong=True)
+    _draw_putting_back(photos)
+
+
+def _draw_putting_back(photos: Photos) -> None:
+    context = photos.context
+    action, save = context.actions["photo-put-back"], context.actions["photo-save"]
+    imgui.begin_disabled(not photos.can_put_back)
+    pressed, _ = imgui.checkbox("Put the face back", photos.putting_back.on and photos.can_put_back)
+    imgui.end_disabled()
+    context.widget_rects.record("photo-put-back")
+    reason = "" if photos.can_put_back else "\nTake the expression of the photo first."
+    tooltip(f"{action.tooltip}{reason}")
+    if pressed and action.enabled():
+        action.run()
+    if photos.putting_back.on and photos.can_put_back:
+        action_button(context.widget_rects, save, -1.0, "Save picture...")
 
 
 def _draw_camera(photos: Photos, photo: Photo) -> None:

@@ -4,6 +4,7 @@ from typing import Protocol
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.expression import TakeExpression
+from faceposer.gui.features.photo.putting_back import PuttingBack
 from faceposer.photo.photo import Photo, Place
 from faceposer.tools.photo_tool import PhotoTool
 
@@ -14,10 +15,21 @@ class Photos(Protocol):
     Attributes:
         context: The editor.
         expression: The expression of a photo, found in the background.
+        putting_back: The photo with the face as it is now.
     """
 
     context: EditorContext
     expression: TakeExpression
+    putting_back: PuttingBack
+
+    @property
+    def can_put_back(self) -> bool:
+        """True if it is known how the active photo shows the face, so that the face can be put back into it."""
+        ...
+
+    def save_picture(self) -> None:
+        """Ask for a file, and write the photo with the face as it is now to it."""
+        ...
 
     @property
     def photos(self) -> tuple[Photo, ...]:

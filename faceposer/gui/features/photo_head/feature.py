@@ -12,6 +12,7 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.features.head_making.feature import HeadMakingFeature
 from faceposer.gui.features.head_making.state import Words
 from faceposer.gui.widgets.sliders import row_label, slider
+from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.photo.reading import PHOTO_SUFFIXES
 from faceposer.progress import Progress
 from faceposer.session.document import Document
@@ -31,6 +32,7 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
 
     Attributes:
         likelihood: Decimal logarithm of the weight of the density of heads: negative for more likeness.
+        painting: True for paintings and drawings, whose light cannot be trusted.
     """
 
     words = Words(
@@ -50,7 +52,7 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        self.likelihood = 0.0
+        self.likelihood, self.painting = 0.0, False
 
     def work_of_finding(self, files: Sequence[str]) -> Callable[[Progress], "list[MarkedPhoto]"]:
         """Return the function that reads the photos and finds their faces."""
@@ -62,10 +64,10 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
         """Return the function that makes the character."""
         from faceposer.gui.features.photo_head import work
 
-        return partial(work.fit_head, marked, 10.0**self.likelihood, self.title.strip())
+        return partial(work.fit_head, marked, 10.0**self.likelihood, self.title.strip(), self.painting)
 
     def draw_options(self) -> None:
-        """Draw the balance between likeness and likelihood."""
+        """Draw the balance between likeness and likelihood, and the choice of paintings."""
         tip = "Left: as much like the photo as possible; right: a head that is more usual. 1 balances both."
         row_label("Likelihood", tip)
         imgui.set_next_item_width(-1.0)
@@ -73,6 +75,9 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
         _, value = slider("##likelihood", self.likelihood, -_MOST, _MOST, text)
         self.likelihood = value if math.isfinite(value) else 0.0
         self.context.widget_rects.record("photo-head:likelihood")
+        _, self.painting = imgui.checkbox("Painting or drawing", self.painting)
+        self.context.widget_rects.record("photo-head:painting")
+        tooltip("Shape from landmarks alone; the skin keeps the painter's colours, whatever light they stand for")
 
     def opened(self, result: "PhotoHead", path: Path) -> None:
         """Show the character in the file ``path`` with the photo behind it and the photo's expression."""

@@ -101,10 +101,17 @@ class PhotoHead(MadeHead):
     Attributes:
         photo: The photo with its camera and pins.
         pose: Coefficients of the expression, shape (r,).
+        head: The picture with the head in it, shape (h, w, 3).
     """
 
     photo: Photo
     pose: NDArray[np.float64]
+    head: NDArray[np.uint8]
+
+    @property
+    def over(self) -> NDArray[np.uint8]:
+        """The head over the photo."""
+        return self.head
 
 
 def find_faces(files: Sequence[str], progress: Progress) -> list[MarkedPhoto]:
@@ -121,7 +128,9 @@ def find_faces(files: Sequence[str], progress: Progress) -> list[MarkedPhoto]:
     return marked
 
 
-def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progress: Progress) -> PhotoHead:
+def fit_head(
+    marked: Sequence[MarkedPhoto], likelihood: float, title: str, painting: bool, progress: Progress
+) -> PhotoHead:
     """Make a character of the photos.
 
     Raises:
@@ -137,6 +146,7 @@ def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progr
         name=file_stem(shown),
         title=shown,
         likelihood=likelihood,
+        painting=painting,
         progress=progress,
     )
     first, camera = found[0], made.cameras[0]
@@ -144,13 +154,15 @@ def fit_head(marked: Sequence[MarkedPhoto], likelihood: float, title: str, progr
     width, height = first.file.size
     inside = tuple(pin for pin in pins if 0.0 <= pin.pixel[0] <= width and 0.0 <= pin.pixel[1] <= height)
     photo = Photo(str(first.path.absolute()), first.file.size, inside, first.full_camera(camera), first.file.focal)
+    photo = photo.with_expression(made.model, made.poses[0])
     errors = ", ".join(f"{one['landmark_px']:.1f}" for one in made.report["photos"])
-    text = f"Landmarks are {errors} pixels off, in {made.report['seconds']:.0f} s. Left the photo, right the head."
-    return PhotoHead(made.character, text, _comparison(marked[0], made), photo, made.poses[0])
+    took = f"Landmarks are {errors} pixels off, in {made.report['seconds']:.0f} s."
+    text = f"{took} Left the photo, right the head; drag the line between them."
+    return PhotoHead(made.character, text, marked[0].image, photo, made.poses[0], _with_head(marked[0], made))
 
 
-def _comparison(marked: MarkedPhoto, made: HeadFromPhotos) -> NDArray[np.uint8]:
-    """Return the picture of the first photo with the head in its expression and camera beside it."""
+def _with_head(marked: MarkedPhoto, made: HeadFromPhotos) -> NDArray[np.uint8]:
+    """Return the picture of the first photo with the head in its expression and camera over it."""
     posed = made.model.surface(made.poses[0])
     drawing = draw(painted_character(made.character, posed), marked.camera(made.cameras[0]))
-    return np.hstack([marked.image, drawing.image])
+    return np.where(drawing.faces[..., None] >= 0, drawing.image, marked.image)

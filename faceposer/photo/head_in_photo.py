@@ -1,0 +1,207 @@
+"""A head in its photo: its surface under the pixels, and the light on it."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.geometry.mesh import VertexNormals
+from faceposer.identity.photos.harmonics import fitted_light, harmonics
+from faceposer.model.character import Character
+from faceposer.photo.surface_in_picture import SurfaceInPicture, inside_of_mouth, triangles_of
+
+Array = NDArray[np.float64]
+
+#: Longest side, in pixels, of the grid on which changes are computed.
+SIDE = 800
+# Margin around the head, as a share of its height in the photo.
+_MARGIN = 0.5
+_LIDS = ("lids_left", "lids_right")
+# Regions whose skin shows the light, without hair; other characters' whole skin is used.
+_BARE = ("nose", "cheek_left", "cheek_right", "mouth", "jaw", "forehead", "brow_left", "brow_right", *_LIDS)
+# Width of the edge of the face, as a share of the height of the head.
+_EDGE = 0.04
+# Least cosine between the skin and the view at which it shows the light, and most samples.
+_FACING, _MOST_SAMPLES = 0.35, 20_000
+# Least light relative to the usual one.
+_DARKEST = 0.2
+# Heights above the lower end of the mesh between which the neck begins to belong to the head, as shares of its height.
+_NECK = (0.05, 0.25)
+# Most cells of the grid per pixel of the photo, along each side.
+_FINEST = 4
+# Least height of a head in pixels.
+_LEAST_HEIGHT = 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class HeadInPhoto:
+    """A head as a photo shows it.
+
+    Attributes:
+        character: The character with this head.
+        vertices: All its vertices in the expression of the photo, shape (N, 3).
+        pixels: The photo, shape (h, w, 3).
+        box: Left, top, right and bottom of the part around the head, in pixels of the photo.
+        camera: Camera of that part on the grid on which changes are computed.
+    """
+
+    character: Character
+    vertices: Array
+    pixels: NDArray[np.uint8]
+    box: tuple[int, int, int, int]
+    camera: Camera
+
+    @classmethod
+    def of(
+        cls, character: Character, vertices: NDArray[np.floating], camera: Camera, pixels: NDArray[np.uint8], side: int
+    ) -> "HeadInPhoto":
+        """Return the head of ``character`` with ``vertices``, (N, 3), in a photo.
+
+        Args:
+            character: The character.
+            vertices: Its vertices in the expression of the photo.
+            camera: Camera of the photo; ``pixels`` may be reduced.
+            pixels: The photo, shape (h, w, 3).
+            side: Longest side of the grid on which changes are computed.
+
+        Raises:
+            FacePoserError: If the head is not in the photo, or is too small.
+        """
+        posed = np.asarray(vertices, dtype=np.float64)
+        height, width = pixels.shape[:2]
+        camera = _resized(camera, (width, height))
+        if camera.to_camera(posed)[:, 2].min() <= 0.0:
+            raise FacePoserError("The head is behind the camera of the photo; align the photo again.")
+        places = camera.project(posed)
+        low, high = places.min(axis=0), places.max(axis=0)
+        margin = _MARGIN * float(high[1] - low[1])
+        left, top = (int(max(math.floor(low[k] - margin), 0)) for k in range(2))
+        right, bottom = (int(min(math.ceil(high[k] + margin), (width, height)[k])) for k in range(2))
+        if right - left < _LEAST_HEIGHT or bottom - top < _LEAST_HEIGHT or high[1] - low[1] < _LEAST_HEIGHT:
+            raise FacePoserError("The head is outside the photo or too small in it; align the photo again.")
+        factor = side / max(right - left, bottom - top)
+        # A whole number of cells per pixel, so that their means are exact.
+        factor = float(min(int(factor), _FINEST)) if factor >= 2.0 else min(factor, 1.0)
+        size = (max(round(factor * (right - left)), 1), max(round(factor * (bottom - top)), 1))
+        return cls(character, posed, pixels, (left, top, right, bottom), _part(camera, (left, top), factor, size))
+
+    @cached_property
+    def head_height(self) -> float:
+        """Height of the head on the grid, in pixels."""
+        return float(np.ptp(self.camera.project(self.vertices)[:, 1]))
+
+    @cached_property
+    def picture(self) -> NDArray[np.float32]:
+        """The part of the photo on the grid, 0 to 1, shape (h, w, 3)."""
+        from PIL import Image
+
+        left, top, right, bottom = self.box
+        part = Image.fromarray(np.ascontiguousarray(self.pixels[top:bottom, left:right]))
+        return (
+            np.asarray(
+                part.resize(
+                    self.camera.size,
+                    Image.Resampling.BICUBIC if self.camera.size[0] > part.width else Image.Resampling.BOX,
+                ),
+                dtype=np.float32,
+            )
+            / 255.0
+        )
+
+    @cached_property
+    def surface(self) -> SurfaceInPicture:
+        """What the photo shows of the head."""
+        return SurfaceInPicture.of(self.character, self.vertices, self.camera)
+
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """The triangles inside the mouth, shape (T,)."""
+        return inside_of_mouth(self.character)
+
+    @cached_property
+    def eyes(self) -> NDArray[np.bool_]:
+        """The triangles of the eyeballs, shape (T,)."""
+        return triangles_of(self.character, ("eye",))
+
+    @cached_property
+    def lids(self) -> NDArray[np.bool_]:
+        """The triangles of the lids, shape (T,); none if the character has no such regions."""
+        regions = [self.character.regions[name] for name in _LIDS if name in self.character.regions]
+        found = np.zeros(len(self.character.vertices), dtype=bool)
+        found[np.concatenate([*regions, np.zeros(0, dtype=np.int64)]).astype(np.intp)] = True
+        result = triangles_of(self.character, ("skin",))
+        result &= found[self.character.triangles].all(axis=1)
+        return result
+
+    @cached_property
+    def face(self) -> Array:
+        """How much each vertex belongs to the bare skin of the face, 0 to 1, shape (N,); 0 if nothing tells."""
+        regions = [self.character.regions[name] for name in _BARE if name in self.character.regions]
+        if not regions:
+            return np.zeros(len(self.character.vertices))
+        inside = np.zeros(len(self.character.vertices), dtype=bool)
+        inside[np.concatenate(regions)] = True
+        places = self.character.vertices.astype(np.float64)
+        near, _ = cKDTree(places[~inside]).query(places)
+        t = np.clip(near / (_EDGE * self.character.height), 0.0, 1.0)
+        result: Array = t * t * (3.0 - 2.0 * t)
+        return result
+
+    @cached_property
+    def belonging(self) -> Array:
+        """How much each vertex moves the photo along: 1, falling to 0 at the cut of the neck, shape (N,)."""
+        height = self.character.vertices[:, 1] - self.character.vertices[:, 1].min()
+        t = np.clip((height / self.character.height - _NECK[0]) / (_NECK[1] - _NECK[0]), 0.0, 1.0)
+        result: Array = t * t * (3.0 - 2.0 * t)
+        return result
+
+    @cached_property
+    def light(self) -> Array:
+        """The light on the skin, coefficients of `harmonics` in camera axes, shape (9, 3)."""
+        surface, character = self.surface, self.character
+        bare = triangles_of(character, ("skin",)) & ~self.inside
+        if self.face.any():
+            bare &= (self.face > 0.5)[character.triangles].all(axis=1)
+        normals = surface.of_vertices(self.normals_of(self.vertices))
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        used = np.flatnonzero(bare[surface.faces[surface.at]] & (normals[:, 2] < -_FACING))
+        if len(used) < 100:
+            raise FacePoserError("The photo shows too little of the face to know its light; align the photo again.")
+        if len(used) > _MOST_SAMPLES:
+            used = np.sort(np.random.default_rng(0).choice(used, _MOST_SAMPLES, replace=False))
+        chosen = np.zeros(len(surface.at), dtype=bool)
+        chosen[used] = True
+        colours = self.picture.reshape(-1, 3)[surface.at[used]].astype(np.float64)
+        albedo = np.maximum(surface.colours(character, chosen), 0.02)
+        return fitted_light(colours, albedo, normals[used], np.ones(len(used)))
+
+    def normals_of(self, vertices: Array) -> Array:
+        """Return the unit normals of ``vertices``, (N, 3), in camera axes, shape (N, 3)."""
+        normals = VertexNormals(self.character.triangles, len(vertices))(vertices.astype(np.float32))
+        return normals.astype(np.float64) @ self.camera.rotation.T
+
+    def light_on(self, vertices: Array) -> Array:
+        """Return the light on ``vertices`` of the head, (N, 3), per channel, shape (N, 3)."""
+        shade = harmonics(self.normals_of(vertices)) @ self.light
+        usual = max(float(np.median(shade)), 1e-3)
+        return np.maximum(shade, _DARKEST * usual)
+
+
+def _resized(camera: Camera, size: tuple[int, int]) -> Camera:
+    """Return ``camera`` for an image reduced to ``size``."""
+    factor = size[0] / camera.size[0]
+    principal = camera.principal_point * factor
+    shift = (float(principal[0]) - size[0] / 2.0, float(principal[1]) - size[1] / 2.0)
+    return replace(camera, focal=camera.focal * factor, size=size, shift=shift)
+
+
+def _part(camera: Camera, corner: tuple[int, int], factor: float, size: tuple[int, int]) -> Camera:
+    """Return the camera of the part of an image from ``corner``, enlarged by ``factor`` to ``size``."""
+    principal = (camera.principal_point - corner) * factor
+    shift = (float(principal[0]) - size[0] / 2.0, float(principal[1]) - size[1] / 2.0)
+    return replace(camera, focal=camera.focal * factor, size=size, shift=shift)
