@@ -182,6 +182,16 @@ def test_the_cavity_of_the_man_and_of_usual_heads_is_left_alone(man: Character) 
     assert usual.throat.share.max() < 1e-6
 
 
+def test_the_lining_stays_inside_in_sums_of_weak_shapes() -> None:
+    heads, lips = load_identity_model(), HeadMaker.shipped().lips
+    made = character_of(heads.instance(heads.sample(0, 25)[24]), name="deep", title="Deep")
+    weights = {"mouthPucker": 0.74, "mouthFunnel": 0.37, "jawOpen": 0.34, "mouthClose": 0.33}
+    rows = [made.shape_names.index(name) for name in weights]
+    offsets = np.tensordot(list(weights.values()), made.shapes[rows, :N_SKIN].astype(float), 1)
+    for share in (0.5, 1.0, 1.1):
+        assert lips.lining.depth(made.vertices[:N_SKIN] + share * offsets).min() > 0.0
+
+
 def test_eyeballs_are_between_the_lids(random_head: Character) -> None:
     points = random_head.feature_points
     for side, upper, lower in (("left", "3.1", "3.3"), ("right", "3.2", "3.4")):
