@@ -11,12 +11,12 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from msgspec import Meta
 
 from faceposer.errors import FacePoserError
-from faceposer.files import paths
+from faceposer.files import key_places, paths
 from faceposer.files.atomic import atomic_files
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.writing import write_json
@@ -29,9 +29,9 @@ from faceposer.transfer.key_parameters import Regions
 
 FORMAT, VERSION = "faceposer.keys", 1
 #: Name of the file that describes a folder of keys.
-DESCRIPTION = "keys.json"
-Side = Literal["source", "target"]
-SIDES: tuple[Side, Side] = ("source", "target")
+DESCRIPTION = key_places.DESCRIPTION
+Side = key_places.Side
+SIDES = key_places.SIDES
 #: Suffixes of key poses.
 SUFFIXES = (".json", *POSED_MESH_SUFFIXES)
 #: Tags of poses: emotional and verbal keys, which are composed to others, and those.

@@ -13,7 +13,7 @@ from faceposer.files import paths
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.session.key_files import KeyReader, character_of, key_displacements
+from faceposer.session.key_files import KeyReader, character_of, key_displacements, load_side
 from faceposer.session.key_folder import DESCRIPTION, KeyFiles, KeyFolder
 from faceposer.session.opening import load_model
 from faceposer.transfer.examples import ExampleTransfer, KeyPair
@@ -59,7 +59,7 @@ def load_keys(
     Raises:
         FacePoserError: If a file is missing or wrong; the message names it.
     """
-    source = load_model(folder.character("source"))
+    source = load_side(folder, "source")
     _check_points(folder, source.character)
     reader = reader or KeyReader()
     files = folder.pairs()
@@ -158,7 +158,7 @@ def check_characters(folder: KeyFolder, source: FaceModel, target: str) -> None:
     Raises:
         FacePoserError: If they are those of others.
     """
-    expected = load_model(folder.character("source"))
+    expected = load_side(folder, "source")
     if expected.character.name != source.character.name:
         raise FacePoserError(
             f"The keys in '{folder.folder}' are of {expected.character.label}, but the source is "
