@@ -234,7 +234,7 @@ class MotionMixin:
             folder = KeyFolder.read(Path(keys))
             check_characters(folder, session.model, name)
             loaded = load_keys(folder, "weights")
-            _warn(keys, loaded.notes)
+            _warn(keys, loaded.remarks)
             transfer = HeadTransfer(loaded.transfer, session.model)
         else:
             transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)

@@ -262,17 +262,21 @@ def _check(options: argparse.Namespace) -> int:
     keys = KeyFolder.read(options.folder)
     loaded = load_keys(keys)
     print_notes(options.folder, loaded.notes)
+    for reason in loaded.left_out.values():
+        print_notes(options.folder, f"Left out. {reason}")
     pairs = loaded.transfer.pairs
     form = "poses of its shapes" if loaded.has_own_shapes else "blends of meshes"
     print(f"{options.folder}: {counted(len(pairs) + 1, 'key')} with the neutral face; the target gets {form}")
     report: dict[str, Any] = {"keys": [pair.name for pair in pairs], "own_shapes": loaded.has_own_shapes}
+    report["left_out"] = dict(loaded.left_out)
     if options.on is not None:
         report |= _coverage(loaded.transfer, options.on, options.count, keys)
     if options.json is not None:
         from faceposer.files.writing import write_json
 
         write_json(options.json, report, "report")
-    return 0
+    # Scripts have to see that something is wrong.
+    return 2 if loaded.left_out else 0
 
 
 def _coverage(transfer: "ExampleTransfer", take: Path, count: int, keys: "KeyFolder") -> dict[str, Any]:

@@ -22,7 +22,7 @@ from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, KeyTakenErr
 from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
 from faceposer.session.keys import load_keys
 from faceposer.session.opening import open_session
-from faceposer.transfer.examples import same_expression
+from faceposer.transfer.examples import NEUTRAL, same_expression
 from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
 from faceposer.transfer.source_heads import is_same_rig
 
@@ -56,7 +56,7 @@ def add_key(
     checked = checked_key_name(name)
     _check_free(folder, checked, replaces)
     pose, note = _pose_in(source, model, checked, frame)
-    _check_new(folder, model, pose)
+    _check_new(folder, safe_stem(pose.name), applied(model, model.neutral(), pose))
     if target is None:
         if folder.is_mesh:
             raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give --target FILE.")
@@ -78,21 +78,19 @@ def _check_free(folder: KeyFolder, name: str, replaces: bool) -> None:
         raise KeyTakenError(folder.folder, stem)
 
 
-def _check_new(folder: KeyFolder, model: FaceModel, pose: Pose) -> None:
-    """Check that no other key, nor the neutral face, is the same expression of the source."""
-    own, coefficients = safe_stem(pose.name), applied(model, model.neutral(), pose)
+def _check_new(folder: KeyFolder, own: str, coefficients: Array) -> None:
+    """Check that no key besides ``own``, nor the neutral face, is an expression of the source, shape (r,)."""
+    model = load_side(folder, "source")
     others = {entry.name: entry.source for entry in folder.entries() if entry.source is not None and entry.name != own}
-    known = {"neutral": model.neutral()} if "neutral" not in (own, *others) else {}
+    known = {"": model.neutral()} if not any(name.casefold() == NEUTRAL for name in (own, *others)) else {}
     for name, path in others.items():
         # What cannot be read is told by the check of the folder.
         with suppress(FacePoserError):
             known[name] = read_key(path, model).coefficients
     same = next((name for name, key in known.items() if same_expression(model, key, coefficients, folder.points)), None)
     if same is not None:
-        raise FacePoserError(
-            f"The key '{pose.name}' is the same expression of the source as '{same}' at all feature points; give "
-            "another pose."
-        )
+        what = f"the same expression of the source as '{same}'" if same else "the neutral face of the source"
+        raise FacePoserError(f"The key '{own}' is {what} at all feature points; give another pose.")
 
 
 def add_key_pose(
@@ -103,12 +101,15 @@ def add_key_pose(
     A target that is a mesh without shapes gets no proposal: its key is left to the artist.
 
     Raises:
-        FacePoserError: If the name is taken and ``replaces`` is False, or a file cannot be written.
+        FacePoserError: If the name is taken and ``replaces`` is False, another key is this expression, or a file cannot
+            be written.
     """
     _check_free(folder, checked_key_name(pose.name), replaces)
+    model = load_side(folder, "source")
+    _check_new(folder, safe_stem(pose.name), applied(model, model.neutral(), pose))
     answer = None
     if not folder.is_mesh:
-        model, target = load_side(folder, "source"), load_side(folder, "target")
+        target = load_side(folder, "target")
         (progress or Progress()).at("Proposing the target's pose")
         answer = proposed(model, target, make_proposer(model, target, proposal), pose)
         (progress or Progress()).check()
@@ -143,13 +144,17 @@ def save_key(folder: KeyFolder, name: str, side: Side, model: FaceModel, coeffic
         coefficients: The pose, shape (r,).
 
     Raises:
-        FacePoserError: If the key is missing or a mesh, or the file cannot be written.
+        FacePoserError: If the key is missing or a mesh, another key is this expression, or the file cannot be written.
     """
     path = _editable(folder, name, side)
     old = _present_pose(folder, name, side)
     kept = tuple(tag for tag in old.tags if tag not in (PROPOSED, COMPOSED))
     note = "" if PROPOSED in old.tags else old.note
-    write_pose(path, replace(pose_of(model, coefficients, old.name, kept), note=note))
+    new = replace(pose_of(model, coefficients, old.name, kept), note=note)
+    if side == "source":
+        own = load_side(folder, "source")
+        _check_new(folder, name, applied(own, own.neutral(), new))
+    write_pose(path, new)
 
 
 def _present_pose(folder: KeyFolder, name: str, side: Side) -> Pose:

@@ -239,13 +239,25 @@ class KeyFolder:
         """
         entries = self.entries()
         for entry in entries:
-            for side in SIDES:
-                if getattr(entry, side) is None:
-                    raise FacePoserError(
-                        f"The key '{entry.name}' has no {side} in '{self.folder / side}'; add a pose or a mesh with "
-                        f"this name there, such as '{entry.name}.json', or remove the key."
-                    )
+            self.complete(entry)
         return entries
+
+    def complete(self, entry: KeyFiles) -> tuple[Path, Path]:
+        """Return the files of both sides of a key.
+
+        Raises:
+            FacePoserError: If it lacks one.
+        """
+        for side in SIDES:
+            if getattr(entry, side) is None:
+                suffix = "obj" if side == "target" and self.is_mesh else "json"
+                raise FacePoserError(
+                    f"The key '{entry.name}' has no {side} in '{self.folder / side}'; add a pose or a mesh with "
+                    f"this name there, such as '{entry.name}.{suffix}', or remove the key."
+                )
+        assert entry.source is not None
+        assert entry.target is not None
+        return entry.source, entry.target
 
     def _files(self, side: Side) -> dict[str, Path]:
         folder = self.folder / side

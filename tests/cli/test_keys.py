@@ -161,7 +161,7 @@ def test_a_session_becomes_one_of_the_target(tmp_path: Path, poses: Path, low: F
         (("keys", "add", "{keys}", "Joy", "--source", "{take}"), "choose another name, or add --replace."),
         (("keys", "add", "{keys}", "../evil", "--source", "{take}"), "cannot be a path such as '../evil'"),
         (("keys", "add", "{keys}", "..", "--source", "{take}"), "cannot be a path such as '..'"),
-        (("keys", "add", "{keys}", "Still", "--source", "{take}"), "the same expression of the source as 'neutral'"),
+        (("keys", "add", "{keys}", "Still", "--source", "{take}"), "is the neutral face of the source at all feature"),
         (("keys", "add", "{keys}", "Joy 2", "--source", "{keys}/source/joy.json"), "expression of the source as 'joy'"),
         (("transfer", "{keys}/source/joy.json", "low", "-o", "o.obj", "--frames", "3"), "is a single pose"),
         (("keys", "add", "{keys}", "New", "--source", "{take}", "--frame", "99"), "no frame 100"),
@@ -202,3 +202,21 @@ def test_compose_says_what_it_keeps(tmp_path: Path, poses: Path, capsys: pytest.
     assert "1 key composed of 1 emotional and 2 verbal ones; 6 with the neutral face" in said
     assert "1 combination kept as you changed them" in said
     assert edited.read_bytes() == written
+
+
+def test_keys_that_cannot_be_used_are_told_and_the_others_clone(
+    tmp_path: Path, take: Path, poses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys, report, out = tmp_path / "keys", tmp_path / "report.json", tmp_path / "out.json"
+    assert run("keys", "init", "low", "low", "-o", keys, "--poses", poses) == 0
+    (keys / "target" / "pucker.json").write_text("{")
+    (keys / "source" / "joy.json").unlink()
+    status, said, noted = run_captured(capsys, "keys", "check", keys, "--json", report)
+    assert status == 2
+    assert "2 keys with the neutral face" in said
+    assert noted.count("Left out.") == 2
+    assert set(json.loads(report.read_text())["left_out"]) == {"joy", "pucker"}
+    options = ("--from", "low", "--method", "examples", "--keys", keys)
+    status, _, noted = run_captured(capsys, "transfer", take, "low", "-o", out, *options)
+    assert status == 0
+    assert "2 keys left out. The key 'joy' has no source" in noted
