@@ -20,7 +20,7 @@ from faceposer.session.file_kinds import kind_of
 from faceposer.session.key_files import character_of, key_displacements, load_side, read_key
 from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, KeyTakenError, Side, checked_key_name
 from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
-from faceposer.session.keys import load_keys
+from faceposer.session.keys import check_points, load_keys
 from faceposer.session.opening import open_session
 from faceposer.transfer.examples import NEUTRAL, same_expression
 from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
@@ -53,6 +53,7 @@ def add_key(
         FacePoserError: If a file cannot be used, or the name is taken.
     """
     model = load_side(folder, "source")
+    check_points(folder, model.character)
     checked = checked_key_name(name)
     _check_free(folder, checked, replaces)
     pose, note = _pose_in(source, model, checked, frame)
@@ -222,6 +223,7 @@ def choose_keys(
         )
     folder.check_room(count)
     model, target = load_side(folder, "source"), load_side(folder, "target")
+    check_points(folder, model.character)
     # Readers of all formats are not needed by the window's start.
     from faceposer.interchange.reading import read_performance
 

@@ -74,7 +74,7 @@ def load_keys(
         FacePoserError: If a character is missing or wrong, or no key can be used; the message names the file.
     """
     source = load_side(folder, "source")
-    _check_points(folder, source.character)
+    check_points(folder, source.character)
     reader = reader or KeyReader()
     character, model = character_of(folder, "target")
     usable = usable_keys(folder, source, character, model, reader)
@@ -102,7 +102,12 @@ def _path(path: Path | None) -> Path:
     return path
 
 
-def _check_points(folder: KeyFolder, source: Character) -> None:
+def check_points(folder: KeyFolder, source: Character) -> None:
+    """Check that the ``source`` has the feature points that the description of the keys names.
+
+    Raises:
+        FacePoserError: If it lacks one.
+    """
     unknown = [name for name in folder.points or () if name not in source.feature_points]
     if unknown:
         raise FacePoserError(
