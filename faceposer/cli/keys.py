@@ -257,9 +257,11 @@ def _check(options: argparse.Namespace) -> int:
         check_not_input(options.json, options.on, options.folder / "keys.json")
     from faceposer.cli.opening import print_notes
     from faceposer.session.key_folder import KeyFolder
+    from faceposer.session.key_kinds import check_kinds
     from faceposer.session.keys import load_keys
 
     keys = KeyFolder.read(options.folder)
+    check_kinds(keys)
     loaded = load_keys(keys)
     print_notes(options.folder, loaded.notes)
     for reason in loaded.left_out.values():

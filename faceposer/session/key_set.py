@@ -12,11 +12,10 @@ from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
-from faceposer.session.key_files import KeyReader
+from faceposer.session.key_files import KeyReader, load_side
 from faceposer.session.key_folder import DESCRIPTION, SIDES, KeyFiles, KeyFolder, Side
 from faceposer.session.key_proposals import PROPOSED
 from faceposer.session.keys import load_keys
-from faceposer.session.opening import load_model
 from faceposer.transfer.examples import ExampleTransfer
 from faceposer.transfer.source_heads import is_same_rig, on_character
 
@@ -149,8 +148,8 @@ def read_key_set(path: Path, progress: Progress | None = None, last: KeySet | No
     folder = KeyFolder.read(path)
     reader = KeyReader(None if last is None else last.reader)
     progress.at("Reading keys")
-    source = load_model(folder.character("source"))
-    target = None if folder.is_mesh else load_model(folder.character("target"))
+    source = load_side(folder, "source")
+    target = None if folder.is_mesh else load_side(folder, "target")
     loaded, problem, notes = None, "", ""
     try:
         # Results are poses of the target's own shapes, which a session can hold.

@@ -14,7 +14,7 @@ from faceposer.files import paths
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.session.key_files import KeyReader, character_of, key_displacements
+from faceposer.session.key_files import KeyReader, character_of, key_displacements, load_side
 from faceposer.session.key_folder import DESCRIPTION, KeyFiles, KeyFolder
 from faceposer.session.opening import load_model
 from faceposer.session.usable_keys import UsableKeys, usable_keys
@@ -73,8 +73,8 @@ def load_keys(
     Raises:
         FacePoserError: If a character is missing or wrong, or no key can be used; the message names the file.
     """
-    source = load_model(folder.character("source"))
-    _check_points(folder, source.character)
+    source = load_side(folder, "source")
+    check_points(folder, source.character)
     reader = reader or KeyReader()
     character, model = character_of(folder, "target")
     usable = usable_keys(folder, source, character, model, reader)
@@ -102,7 +102,12 @@ def _path(path: Path | None) -> Path:
     return path
 
 
-def _check_points(folder: KeyFolder, source: Character) -> None:
+def check_points(folder: KeyFolder, source: Character) -> None:
+    """Check that the ``source`` has the feature points that the description of the keys names.
+
+    Raises:
+        FacePoserError: If it lacks one.
+    """
     unknown = [name for name in folder.points or () if name not in source.feature_points]
     if unknown:
         raise FacePoserError(
@@ -173,7 +178,7 @@ def check_characters(folder: KeyFolder, source: FaceModel, target: str) -> None:
     Raises:
         FacePoserError: If they are those of others.
     """
-    expected = load_model(folder.character("source"))
+    expected = load_side(folder, "source")
     if expected.character.name != source.character.name:
         raise FacePoserError(
             f"The keys in '{folder.folder}' are of {expected.character.label}, but the source is "

@@ -162,7 +162,7 @@ def test_what_is_wrong_with_a_folder_is_said_in_a_sentence(keys: KeyFolder, tmp_
         ({"target": "nobody"}, "no character 'nobody'"),
         ({"more": 1}, "unknown key 'more'"),
         ({"version": 9}, "version is 9"),
-        ({"points": ["8.3"]}, "fewer than three"),
+        ({"points": ["8.3"]}, "needs at least 3"),
         ({"threshold": 2.0}, "threshold must be"),
     ):
         (keys.folder / "keys.json").write_text(json.dumps(data | change))

@@ -301,6 +301,21 @@ def test_the_animation_is_covered_and_the_best_frame_shown(robot: Robot) -> None
     assert covered.distances[27] < 0.1 * covered.limit
 
 
+def test_a_folder_that_is_gone_is_told_with_a_remedy(robot: Robot, folder: Path) -> None:
+    robot.click_widget("key:anger:target")
+    robot.frames(2)
+    shutil.rmtree(folder)
+    robot.key("Ctrl+S")
+    finish(robot)
+    assert "put it back, or choose another folder" in robot.app.dialogs.waiting[0].text
+    robot.key("Enter")
+    feature(robot).opened.read()
+    finish(robot)
+    error = feature(robot).opened.error
+    assert "choose or create another folder of key poses" in error
+    assert "keys init" not in error
+
+
 def test_keys_that_are_meshes_are_not_edited_here(robot: Robot, folder: Path) -> None:
     model = keys_of(robot).models["target"]
     assert model is not None
@@ -312,6 +327,53 @@ def test_keys_that_are_meshes_are_not_edited_here(robot: Robot, folder: Path) ->
     assert "change it in the program in which it was sculpted" in robot.app.dialogs.waiting[0].text
     robot.key("Enter")
     assert robot.app.session.model.character.name == "low"
+
+
+def test_the_status_bar_names_the_edited_key_while_the_strip_is_hidden(robot: Robot) -> None:
+    robot.click_widget("key:anger:target")
+    robot.frames(2)
+    assert robot.app.edited_instead == "", "the strip says it"
+    robot.click_widget("keys:close")
+    robot.frames(2)
+    assert robot.app.edited_instead == "Editing the target of Anger"
+    assert "status:edited" in robot.app.widget_rects
+    robot.click_widget("menu:Animate")
+    robot.click_widget("menu:key-poses")
+    robot.click_widget("keys-back")
+    robot.click_widget("keys:close")
+    robot.frames(2)
+    assert "status:edited" not in robot.app.widget_rects
+
+
+def test_an_edited_key_keeps_its_head(open_window: OpenWindow, tmp_path: Path) -> None:
+    poses = tmp_path / "poses"
+    poses.mkdir()
+    data = {"format": "faceposer.pose", "version": 1, "name": "Open", "weights": {"jawOpen": 0.8}}
+    (poses / "open.json").write_text(json.dumps(data))
+    create_keys(tmp_path / "keys", "man", "low", poses)
+    robot = open_window("man", (1300, 900), keys_folder=str(tmp_path / "keys"))
+    app = robot.app
+    assert app.actions["head-random"].enabled()
+    robot.click_widget("menu:Animate")
+    robot.click_widget("menu:key-poses")
+    finish(robot)
+    robot.click_widget("key:open:source")
+    robot.frames(2)
+    assert feature(robot).editing.edited is not None
+    for name in ("head-random", "head-average", "head-original", "head-variations", "head-save", "tool-head"):
+        assert not app.actions[name].enabled(), name
+    robot.click_widget("tab:Head")
+    robot.frames(3)
+    assert not [name for name in app.widget_rects if name.startswith("head:")]
+    app.toolbox.choose("head")
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 20, y + 20))
+    assert app.session.document.identity is None
+    assert "cannot be changed while a key pose is edited" in app.notice
+    robot.click_widget("keys-back")
+    robot.frames(2)
+    assert app.actions["head-random"].enabled()
+    assert app.actions["tool-head"].enabled()
 
 
 def test_importance_is_shown_on_the_face(robot: Robot) -> None:
@@ -354,7 +416,7 @@ def test_files_changed_by_others_change_the_clone_and_broken_ones_are_told(robot
     shutil.rmtree(folder)
     robot.frames(70)
     finish(robot)
-    assert "is not a folder of keys" in feature(robot).opened.error
+    assert "There is no folder" in feature(robot).opened.error
 
 
 def test_a_new_folder_is_made_for_the_chosen_target(robot: Robot, tmp_path: Path) -> None:

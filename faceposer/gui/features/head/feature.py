@@ -43,7 +43,7 @@ class HeadFeature(HeadState, Feature):
         """Return the entries of the menu "Head"."""
 
         def free() -> bool:
-            return self.applies and not self.context.busy
+            return self.applies and not self.context.busy and not self.context.session.head_held
 
         return (
             Action(

@@ -58,6 +58,9 @@ class HeadPanel:
     def draw(self) -> None:
         """Draw the tab."""
         head, context = self._head, self._head.context
+        if context.session.head_held:
+            caption(context.session.head_held)
+            return
         editor = head.editor
         if editor is None:
             caption(head.failure or "Measuring the head...")
