@@ -204,7 +204,7 @@ def test_an_edited_head_has_the_clones_of_its_character(
         (lambda face: face.take_pose(5), "The path must be a text or a path, not 5"),
         (lambda face: face.apply_pose(5), "A pose must be a text or a path, not 5"),
         (lambda face: face.take_animation(5), "The path must be a text or a path, not 5"),
-        (lambda face: face.transfer_to(5), "A character must be a text or a path, not 5"),
+        (lambda face: face.transfer_to(5), "The character must be a text or a path, not 5"),
         (lambda _: faceposer.find_landmarks(5), "A photo must be a text or a path, not 5"),
         (lambda _: faceposer.find_mesh_landmarks(5), "A mesh must be a text or a path, not 5"),
     ],
