@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Sequence
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
@@ -70,25 +70,13 @@ def some_of(values: Iterable[T] | T, choices: Sequence[T], label: str) -> tuple[
     return tuple(one_of(value, choices, label) for value in several)
 
 
-def path_text(value: str | PathLike[str], label: str) -> str:
-    """Return ``value``, a name or a path, as text.
-
-    Raises:
-        FacePoserError: If it is neither; the message begins with ``label``.
-    """
-    text = fspath(value) if isinstance(value, (str, PathLike)) else value
-    if not isinstance(text, str):
-        raise FacePoserError(f"{label} must be a text or a path, not {_short_repr(value)}.")
-    return text
-
-
 def file_path(value: str | PathLike[str], label: str = "The path") -> Path:
     """Return ``value`` as a path.
 
     Raises:
         FacePoserError: If it is none; the message begins with ``label``.
     """
-    return Path(path_text(value, label))
+    return Path(path_name(value, label))
 
 
 def real(value: float, label: str) -> float:

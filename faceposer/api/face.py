@@ -52,7 +52,7 @@ def load(what: PathName) -> "Face":
     Raises:
         FacePoserError: If the face cannot be found or read.
     """
-    session = open_session(checks.path_text(what, "A face"))
+    session = open_session(checks.path_name(what, "A face"))
     if session.remark:
         warnings.warn(session.remark, FacePoserWarning, stacklevel=2)
     return Face(session)

@@ -89,7 +89,7 @@ class HeadsMixin:
         checks.number(share, 0.0, 1.0, "The share")
         if not isinstance(other, (HeadsMixin, str, PathLike)):
             raise FacePoserError(f"The other head must be a face, a name or a path, not {other!r:.60}.")
-        theirs = other if isinstance(other, HeadsMixin) else _Other(checks.path_text(other, "The other head"))
+        theirs = other if isinstance(other, HeadsMixin) else _Other(checks.path_name(other, "The other head"))
         mixed = mixed_heads(self._head_editor, self.head, theirs._head_editor, theirs.head, share)
         self._set_head(mixed, "Mix heads")
 

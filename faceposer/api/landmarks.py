@@ -43,7 +43,7 @@ def find_mesh_landmarks(mesh: PathName) -> MeshLandmarks | None:
     Raises:
         FacePoserError: If the mesh cannot be read.
     """
-    return on_meshes.find_mesh_landmarks(read_painted(checks.path_text(mesh, "A mesh")))
+    return on_meshes.find_mesh_landmarks(read_painted(checks.path_name(mesh, "A mesh")))
 
 
 def _pixels(photo: PathName | NDArray[np.uint8]) -> NDArray[np.uint8]:

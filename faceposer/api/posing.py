@@ -102,7 +102,7 @@ class PosingMixin:
             self.session.set_start(start)
 
     def _find_pose(self, name: PathName) -> Pose:
-        text = checks.path_text(name, "A pose")
+        text = checks.path_name(name, "A pose")
         if Path(text).suffix.lower() == library.SUFFIX:
             return read_pose(Path(text))
         own = library.PoseLibrary(library.default_pose_folder()).entries()
