@@ -36,7 +36,9 @@ def render_into_photo(options: argparse.Namespace) -> int:
         check_output(options.output, ".json")
     from faceposer.api import Face
     from faceposer.cli.opening import open_with_remark
+    from faceposer.cli.progress_line import ProgressLine
     from faceposer.render.images import write_png
+    from faceposer.session.putting_back import photo_with_face
 
     session = open_with_remark(options.what)
     check_not_input(options.render, *(Path(photo.path) for photo in session.document.photos))
@@ -44,7 +46,12 @@ def render_into_photo(options: argparse.Namespace) -> int:
     if options.spread is not None:
         face.spread = options.spread
     _change(face, options)
-    write_png(options.render, face.put_back((options.photo_number or 1) - 1))
+    line = ProgressLine()
+    try:
+        picture = photo_with_face(session, (options.photo_number or 1) - 1, line.progress)
+    finally:
+        line.clear()
+    write_png(options.render, picture)
     print(f"{options.render} written")
     if options.output is not None:
         session.save(options.output)

@@ -14,6 +14,7 @@ from faceposer.photo.head_in_photo import SIDE, HeadInPhoto
 from faceposer.photo.photo import Photo
 from faceposer.photo.putting_back import put_back
 from faceposer.photo.reading import read_photo
+from faceposer.progress import Progress
 from faceposer.session.session import Session
 
 # Side of the image in which the colour of skin changes, and limit of the change of its logarithm.
@@ -46,7 +47,7 @@ def head_in_photo(
     return HeadInPhoto.of(model.character, model.surface(pose), photo.camera, image, side)
 
 
-def photo_with_face(session: Session, index: int = 0) -> NDArray[np.uint8]:
+def photo_with_face(session: Session, index: int = 0, progress: Progress | None = None) -> NDArray[np.uint8]:
     """Return photo ``index`` of ``session`` with the face as it is now, in the photo's light, shape (h, w, 3).
 
     Raises:
@@ -60,7 +61,7 @@ def photo_with_face(session: Session, index: int = 0) -> NDArray[np.uint8]:
             else "The session has no photo to put the face back into; add one with faceposer photo."
         )
     head = head_in_photo(session.base_model, photos[index])
-    return put_back(head, session.vertices, skin_change(session.base_model, session.document.identity))
+    return put_back(head, session.vertices, skin_change(session.base_model, session.document.identity), progress)
 
 
 @lru_cache(maxsize=4)

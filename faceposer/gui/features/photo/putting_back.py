@@ -78,7 +78,7 @@ class PuttingBack:
         vertices, model, identity = session.vertices, session.base_model, session.document.identity
         key = (photo.path, photo.camera, photo.expression, id(model))
 
-        def work(_: Progress) -> Pixels:
+        def work(progress: Progress) -> Pixels:
             # Imported late to shorten the start of the window.
             from faceposer.photo.putting_back import put_back
             from faceposer.session.putting_back import head_in_photo, skin_change
@@ -86,7 +86,7 @@ class PuttingBack:
             if self._head is None or self._head[0] != key:
                 pixels = read_photo(Path(photo.path), _LARGEST)
                 self._head = (key, head_in_photo(model, photo, pixels, _GRID))
-            return put_back(self._head[1], vertices, skin_change(model, identity))
+            return put_back(self._head[1], vertices, skin_change(model, identity), progress)
 
         return work
 
@@ -121,11 +121,12 @@ class PuttingBack:
             session = self._context.session
             vertices, model, identity = session.vertices, session.base_model, session.document.identity
 
-            def work(_: Progress) -> None:
+            def work(progress: Progress) -> None:
                 from faceposer.photo.putting_back import put_back
                 from faceposer.session.putting_back import head_in_photo, skin_change
 
-                write_png(path, put_back(head_in_photo(model, photo), vertices, skin_change(model, identity)))
+                head = head_in_photo(model, photo)
+                write_png(path, put_back(head, vertices, skin_change(model, identity), progress))
 
             self._saving = (ThreadJob(work, self._context.wake), path)
 
