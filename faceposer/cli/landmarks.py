@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.arguments import output_path
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 NAME = "landmarks"
 
@@ -38,6 +38,7 @@ def run(options: argparse.Namespace) -> int:
         if path is not None:
             check_output(path, suffix)
             check_not_input(path, Path(options.what))
+    check_distinct(*(path for path, _ in outputs))
     from faceposer.landmarks.reading import is_mesh
 
     if is_mesh(options.what):

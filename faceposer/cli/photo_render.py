@@ -1,11 +1,10 @@
 """``faceposer photo SESSION --render``: puts the face of a session back into its photo."""
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 if TYPE_CHECKING:
     from faceposer.api import Face
@@ -34,6 +33,10 @@ def render_into_photo(options: argparse.Namespace) -> int:
     check_output(options.render, ".png")
     if options.output is not None:
         check_output(options.output, ".json")
+    # The output may be the input session, which is then as in the picture.
+    check_not_input(options.output, options.pose)
+    check_not_input(options.render, options.what, options.pose)
+    check_distinct(options.output, options.render)
     from faceposer.api import Face
     from faceposer.cli.opening import open_with_remark
     from faceposer.cli.progress_line import ProgressLine
@@ -41,7 +44,8 @@ def render_into_photo(options: argparse.Namespace) -> int:
     from faceposer.session.putting_back import photo_with_face
 
     session = open_with_remark(options.what)
-    check_not_input(options.render, *(Path(photo.path) for photo in session.document.photos))
+    for path in (options.output, options.render):
+        check_not_input(path, *(photo.path for photo in session.document.photos))
     face = Face(session)
     if options.spread is not None:
         face.spread = options.spread

@@ -7,7 +7,7 @@ from typing import Any
 from faceposer.cli.arguments import output_path
 from faceposer.cli.identity.heads import check_titles
 from faceposer.errors import FacePoserError, counted
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 NAME = "fit"
 
@@ -48,6 +48,7 @@ def run(options: argparse.Namespace) -> int:
         if path is not None:
             check_output(path, suffix)
             check_not_input(path, *options.scans, *options.landmarks, options.model)
+    check_distinct(*(path for path, _ in outputs))
     check_titles(options)
     if len(options.landmarks) not in (0, len(options.scans)):
         raise FacePoserError(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from faceposer.cli.arguments import number_between, output_path
 from faceposer.cli.identity.heads import check_titles
 from faceposer.errors import FacePoserError, counted, printable
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,6 +74,7 @@ def run(options: argparse.Namespace) -> int:
         if path is not None:
             check_output(path, suffix)
             check_not_input(path, *options.photos, *options.pins)
+    check_distinct(*(path for path, _ in outputs))
     check_titles(options)
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.files.writing import write_json
