@@ -28,17 +28,19 @@ class PhotosMixin:
 
         Raises:
             FacePoserError: If there is no such photo, its file cannot be read, its expression is unknown, or the file
-                cannot be written.
+                cannot be written or is a photo of the session.
         """
         from pathlib import Path
 
         from faceposer.files.atomic import check_output
+        from faceposer.session.photos import check_no_photo
         from faceposer.session.putting_back import photo_with_face
 
         if isinstance(photo, bool) or not isinstance(photo, (int, np.integer)):
             raise FacePoserError("The number of a photo must be a whole number, from 0.")
         if path is not None:
             check_output(Path(path), ".png")
+            check_no_photo(self.session.document, Path(path))
         picture = photo_with_face(self.session, int(photo))
         if path is not None:
             from faceposer.render.images import write_png

@@ -165,8 +165,8 @@ def _check_with_photo(options: argparse.Namespace) -> None:
         raise FacePoserError("Give --auto to find the face in the photo, or its pins with --pins.")
     if options.output is None:
         raise FacePoserError("Give the session to write with -o SESSION.json.")
-    changes = (options.pose, options.strength, options.set, options.add, options.photo_number)
-    if any(changes):
+    changes = (options.pose, options.strength, options.photo_number)
+    if options.set or options.add or any(change is not None for change in changes):
         raise FacePoserError(
             "--pose, --strength, --set, --add and --photo-number change a face in the photo of its session; write the "
             "session first, then give it without PHOTO."

@@ -23,7 +23,7 @@ def render_into_photo(options: argparse.Namespace) -> int:
         for name, value in (
             ("--pins", options.pins),
             ("--auto", options.auto),
-            ("--focal", options.focal),
+            ("--focal", options.focal is not None),
             ("--no-pose", options.no_pose),
         )
         if value

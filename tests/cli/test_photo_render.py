@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import faceposer
+from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Photo
@@ -32,7 +34,8 @@ def session(model: FaceModel, tmp_path: Path) -> Path:
 def written(model: FaceModel, path: Path, photo: Photo) -> Path:
     """Write a session with ``photo``, which shows the neutral face, to ``path``."""
     with closing(open_session("man")) as opened:
-        opened.replace(replace(opened.document, photos=(photo.with_expression(model, model.neutral()),)))
+        with opened.edit("Open a photo"):
+            opened.replace(replace(opened.document, photos=(photo.with_expression(model, model.neutral()),)))
         opened.wait()
         opened.save(path, photo.camera)
     return path
@@ -72,3 +75,35 @@ def test_the_picture_is_written_and_no_input_lost(session: Path, tmp_path: Path,
     out.unlink()
     assert run("photo", session, "--render", out) == 0
     np.testing.assert_array_equal(np.asarray(Image.open(out)), np.asarray(Image.open(shot)))
+
+
+def test_what_cannot_be_rendered_is_said_with_the_photo(
+    session: Path, model: FaceModel, tmp_path: Path, capsys: Capture
+) -> None:
+    shot, out = tmp_path / "shot.png", tmp_path / "o.png"
+    behind = Camera(CAMERA.rotation, CAMERA.translation * (1.0, 1.0, -1.0), CAMERA.focal, SIZE)
+    aside = Camera(CAMERA.rotation, CAMERA.translation + (900.0, 0.0, 0.0), CAMERA.focal, SIZE)
+    for camera, words in ((behind, "behind the camera of the photo"), (aside, "outside the photo")):
+        wrong = written(model, tmp_path / "wrong.json", Photo(str(shot), SIZE, camera=camera))
+        said = refused(capsys, wrong, "--render", out)
+        assert f"{words} 'shot.png'" in said
+        assert "faceposer photo CHARACTER PHOTO --auto" in said
+    assert "--focal needs a PHOTO" in refused(capsys, session, "--render", out, "--focal", 0)
+    for words in (("--strength", 0), ("--pose", "")):
+        adding = ("woman", shot, "--auto", "-o", tmp_path / "two.json", *words)
+        assert "change a face in the photo of its session" in refused(capsys, *adding)
+    Image.new("RGB", (120, 140), (90, 90, 90)).save(shot)
+    said = refused(capsys, session, "--render", out)
+    assert "shot.png' has 120 x 140 pixels, but the session was made with 120 x 130; put the photo back, or" in said
+    assert not out.exists()
+
+
+def test_python_overwrites_no_photo_of_the_session(session: Path, tmp_path: Path) -> None:
+    shot, link = tmp_path / "shot.png", tmp_path / "link.png"
+    before = shot.read_bytes()
+    link.symlink_to(shot)
+    face = faceposer.Face(open_session(str(session)))
+    for path in (shot, link):
+        with pytest.raises(FacePoserError, match="is a photo of the session; give the picture another name"):
+            face.put_back(0, path)
+    assert shot.read_bytes() == before

@@ -17,9 +17,9 @@ from faceposer.files import temporary
 from faceposer.files.atomic import (
     atomic_file,
     atomic_folder,
+    check_distinct,
     check_folder_of,
     check_new_folder,
-    check_distinct,
     check_not_input,
     check_output,
     write_text,

@@ -14,11 +14,11 @@ from faceposer.gui.context import EditorContext
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.photo.photo import Photo
-from faceposer.photo.reading import read_photo
 from faceposer.progress import Progress
 from faceposer.render.images import write_png
 from faceposer.render.offscreen import photo_texture
 from faceposer.session.jobs import ThreadJob
+from faceposer.session.photos import check_no_photo
 from faceposer.session.session import Session
 
 if TYPE_CHECKING:
@@ -84,8 +84,7 @@ class PuttingBack:
             from faceposer.session.putting_back import head_in_photo, skin_change
 
             if self._head is None or self._head[0] != key:
-                pixels = read_photo(Path(photo.path), _LARGEST)
-                self._head = (key, head_in_photo(model, photo, pixels, _GRID))
+                self._head = (key, head_in_photo(model, photo, _LARGEST, _GRID))
             return put_back(self._head[1], vertices, skin_change(model, identity), progress)
 
         return work
@@ -120,6 +119,11 @@ class PuttingBack:
         def save(path: Path) -> None:
             session = self._context.session
             vertices, model, identity = session.vertices, session.base_model, session.document.identity
+            try:
+                check_no_photo(session.document, path)
+            except FacePoserError as error:
+                self._context.dialogs.report("The picture was not saved", str(error))
+                return
 
             def work(progress: Progress) -> None:
                 from faceposer.photo.putting_back import put_back
