@@ -177,10 +177,12 @@ def _run_automatic(options: argparse.Namespace) -> int:
     """Take the expression of the face that is found in the photo, and return the exit status."""
     from dataclasses import replace
 
+    from faceposer.cli.opening import print_notes
     from faceposer.photo.automatic import expression_of
-    from faceposer.photo.faces import read_face
+    from faceposer.photo.faces import note_of_others, read_face
 
     found = read_face(options.photo, options.focal)
+    print_notes(options.photo, note_of_others(found))
     session = _opened(options)
     taken = expression_of(found, session.model)
     camera = taken.photo.camera

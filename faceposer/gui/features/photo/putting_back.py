@@ -133,6 +133,7 @@ class PuttingBack:
                 write_png(path, put_back(head, vertices, skin_change(model, identity), progress))
 
             self._saving = (ThreadJob(work, self._context.wake), path)
+            self._context.notify(f"Writing {path.name}...")
 
         self._context.ask_for_file(FileRequest("save", "Save picture", "Pictures", (".png",), place, save))
 
