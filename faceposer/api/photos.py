@@ -29,9 +29,10 @@ class PhotosMixin:
 
         Raises:
             FacePoserError: If there is no such photo, its file cannot be read, its expression is unknown, or the file
-                cannot be written.
+                cannot be written or is a photo of the session.
         """
-        from faceposer.files.atomic import check_not_input, check_output
+        from faceposer.files.atomic import check_output
+        from faceposer.session.photos import check_no_photo
         from faceposer.session.putting_back import photo_with_face
 
         if isinstance(photo, bool) or not isinstance(photo, (int, np.integer)):
@@ -39,7 +40,7 @@ class PhotosMixin:
         if path is not None:
             target = checks.file_path(path)
             check_output(target, ".png")
-            check_not_input(target, *(photo.path for photo in self.session.document.photos))
+            check_no_photo(self.session.document, target)
         picture = photo_with_face(self.session, int(photo))
         if path is not None:
             from faceposer.render.images import write_png

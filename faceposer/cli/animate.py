@@ -13,7 +13,7 @@ from faceposer.cli.arguments import (
 )
 from faceposer.cli.progress_line import ProgressLine
 from faceposer.errors import FacePoserError, counted
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 if TYPE_CHECKING:
     pass
@@ -99,9 +99,7 @@ def run(options: argparse.Namespace) -> int:
     for path in (options.session, options.report):
         if path is not None:
             check_output(path, ".json")
-    written = [path for path in (options.output, options.session, options.report) if path is not None]
-    if len({path.absolute() for path in written}) < len(written):
-        raise FacePoserError(f"'{written[0]}' is given for two outputs; give each a name of its own.")
+    check_distinct(options.output, options.session, options.report)
     if options.motion.suffix.lower() not in TRAJECTORY_SUFFIXES and is_film(options.motion):
         from faceposer.cli.animate_film import animate_by_film
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from faceposer.cli.arguments import output_path
 from faceposer.errors import FacePoserError, printable
-from faceposer.files.atomic import check_output
+from faceposer.files.atomic import check_distinct, check_output
 
 NAME = "landmarks"
 
@@ -37,6 +37,7 @@ def run(options: argparse.Namespace) -> int:
     for path, suffix in outputs:
         if path is not None:
             check_output(path, suffix)
+    check_distinct(*(path for path, _ in outputs))
     from faceposer.geometry.mesh_companions import check_not_of_meshes
     from faceposer.landmarks.reading import is_mesh
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from faceposer.cli.arguments import add_spread, number, number_between, output_path, whole_number
 from faceposer.errors import FacePoserError, counted, printable
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,8 +95,9 @@ def run(options: argparse.Namespace) -> int:
     if options.render is not None:
         check_output(options.render, ".png")
     # The output may be the input session, which then gains the photo.
-    check_not_input(options.output, options.photo, *([options.pins] if options.pins else []))
-    check_not_input(options.render, options.photo)
+    check_not_input(options.output, options.photo, options.pins)
+    check_not_input(options.render, options.what, options.photo, options.pins)
+    check_distinct(options.output, options.render)
     if options.focal is not None and not 1.0 <= options.focal <= 1e6:
         raise FacePoserError("The focal length must be between 1 and 1,000,000 pixels.")
     return _run_automatic(options) if options.auto else _run_with_pins(options)
@@ -106,7 +107,6 @@ def _run_with_pins(options: argparse.Namespace) -> int:
     """Align the camera by pins, pose the face and return the exit status."""
     from dataclasses import replace
 
-    from faceposer.cli.opening import open_with_remark
     from faceposer.photo.aligning import aligned, residuals_px
     from faceposer.photo.photo import Photo
     from faceposer.photo.pins_file import check_inside, read_pins
@@ -119,7 +119,7 @@ def _run_with_pins(options: argparse.Namespace) -> int:
     read_photo(options.photo, _CHECKED_SIDE)
     pins = read_pins(options.pins)
     check_inside(options.pins, pins, file.size)
-    session = _with_spread(open_with_remark(options.what), options.spread)
+    session = _opened(options)
     model = session.model
     path = str(options.photo.absolute())
     photo = aligned(Photo(path, file.size, pins, focal=options.focal or file.focal), model, session.coefficients)
@@ -165,8 +165,8 @@ def _check_with_photo(options: argparse.Namespace) -> None:
         raise FacePoserError("Give --auto to find the face in the photo, or its pins with --pins.")
     if options.output is None:
         raise FacePoserError("Give the session to write with -o SESSION.json.")
-    changes = (options.pose, options.strength, options.set, options.add, options.photo_number)
-    if any(changes):
+    changes = (options.pose, options.strength, options.photo_number)
+    if options.set or options.add or any(change is not None for change in changes):
         raise FacePoserError(
             "--pose, --strength, --set, --add and --photo-number change a face in the photo of its session; write the "
             "session first, then give it without PHOTO."
@@ -177,12 +177,13 @@ def _run_automatic(options: argparse.Namespace) -> int:
     """Take the expression of the face that is found in the photo, and return the exit status."""
     from dataclasses import replace
 
-    from faceposer.cli.opening import open_with_remark
+    from faceposer.cli.opening import print_notes
     from faceposer.photo.automatic import expression_of
-    from faceposer.photo.faces import read_face
+    from faceposer.photo.faces import note_of_others, read_face
 
     found = read_face(options.photo, options.focal)
-    session = _with_spread(open_with_remark(options.what), options.spread)
+    print_notes(options.photo, note_of_others(found))
+    session = _opened(options)
     taken = expression_of(found, session.model)
     camera = taken.photo.camera
     assert camera is not None
@@ -204,9 +205,19 @@ def _run_automatic(options: argparse.Namespace) -> int:
     return 0
 
 
-def _with_spread(session: "Session", spread: float | None) -> "Session":
-    if spread is not None:
-        session.set_spread(spread)
+def _opened(options: argparse.Namespace) -> "Session":
+    """Return the session to which the photo is added.
+
+    Raises:
+        FacePoserError: If it cannot be opened, or an output is one of its photos.
+    """
+    from faceposer.cli.opening import open_with_remark
+
+    session = open_with_remark(options.what)
+    for path in (options.output, options.render):
+        check_not_input(path, *(photo.path for photo in session.document.photos))
+    if options.spread is not None:
+        session.set_spread(options.spread)
     session.wait()
     return session
 

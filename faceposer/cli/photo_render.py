@@ -1,11 +1,10 @@
 """``faceposer photo SESSION --render``: puts the face of a session back into its photo."""
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from faceposer.errors import FacePoserError
-from faceposer.files.atomic import check_not_input, check_output
+from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
 if TYPE_CHECKING:
     from faceposer.api import Face
@@ -24,7 +23,7 @@ def render_into_photo(options: argparse.Namespace) -> int:
         for name, value in (
             ("--pins", options.pins),
             ("--auto", options.auto),
-            ("--focal", options.focal),
+            ("--focal", options.focal is not None),
             ("--no-pose", options.no_pose),
         )
         if value
@@ -34,17 +33,29 @@ def render_into_photo(options: argparse.Namespace) -> int:
     check_output(options.render, ".png")
     if options.output is not None:
         check_output(options.output, ".json")
+    # The output may be the input session, which is then as in the picture.
+    check_not_input(options.output, options.pose)
+    check_not_input(options.render, options.what, options.pose)
+    check_distinct(options.output, options.render)
     from faceposer.api import Face
     from faceposer.cli.opening import open_with_remark
+    from faceposer.cli.progress_line import ProgressLine
     from faceposer.render.images import write_png
+    from faceposer.session.putting_back import photo_with_face
 
     session = open_with_remark(options.what)
-    check_not_input(options.render, *(Path(photo.path) for photo in session.document.photos))
+    for path in (options.output, options.render):
+        check_not_input(path, *(photo.path for photo in session.document.photos))
     face = Face(session)
     if options.spread is not None:
         face.spread = options.spread
     _change(face, options)
-    write_png(options.render, face.put_back((options.photo_number or 1) - 1))
+    line = ProgressLine()
+    try:
+        picture = photo_with_face(session, (options.photo_number or 1) - 1, line.progress)
+    finally:
+        line.clear()
+    write_png(options.render, picture)
     print(f"{options.render} written")
     if options.output is not None:
         session.save(options.output)

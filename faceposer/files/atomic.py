@@ -170,14 +170,18 @@ def check_not_input(path: Path | None, *inputs: Path | str | None) -> None:
             raise FacePoserError(f"'{path}' is also an input; give the output another name.")
 
 
-def check_distinct(path: Path, other: Path) -> None:
-    """Check that the outputs ``path`` and ``other`` are two files, whatever links and ".." lead to them.
+def check_distinct(*outputs: Path | None) -> None:
+    """Check that all ``outputs`` are files of their own, whatever links and ".." lead to them; None is ignored.
 
     Raises:
-        FacePoserError: If they are one file.
+        FacePoserError: If two of them are one file.
     """
-    if path_checks.resolved(path) == path_checks.resolved(other) or path_checks.same_file(path, other):
-        raise FacePoserError(f"'{path}' is also the output; give the report another name.")
+    paths = [path for path in outputs if path is not None]
+    for i, path in enumerate(paths):
+        for other in paths[:i]:
+            if path_checks.resolved(path) == path_checks.resolved(other) or path_checks.same_file(path, other):
+                named = f"'{path}' is" if path == other else f"'{other}' and '{path}' are one file,"
+                raise FacePoserError(f"{named} given for two outputs; give each a name of its own.")
 
 
 def check_output(path: Path, *suffixes: str) -> None:

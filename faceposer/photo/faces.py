@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.camera import Camera
 from faceposer.identity.photos.landmark_fit import PhotoFace
 from faceposer.landmarks.crops import Picture, Square
 from faceposer.landmarks.feature_points import feature_pixels
-from faceposer.landmarks.points import Landmarks, find_landmarks, landmarks_in
+from faceposer.landmarks.points import Landmarks, find_all_landmarks, find_landmarks, landmarks_in
 from faceposer.photo.reading import (
     FOCAL_SPREAD,
     LIKELY_FOCAL_MM,
@@ -27,6 +27,8 @@ from faceposer.photo.reading import (
 _SIDE, _LARGEST_SIDE = 2048, 8192
 # Height of a face, in pixels, below which it is read again at the larger size, and below which it is too small.
 _SMALL, _LEAST = 250.0, 60.0
+# Longest side at which other faces are looked for, and least logarithm of the odds of one.
+_SIDE_OF_OTHERS, _CERTAIN = 1024, 12.0
 # Standard deviation of the logarithm of a focal length that is known.
 _KNOWN_SPREAD = 0.03
 # Reach of a moved feature point, as a share of the face's height, and ridge of the interpolation.
@@ -115,6 +117,33 @@ def read_face(
     spread = _KNOWN_SPREAD if known else FOCAL_SPREAD
     face = FaceInPhoto(path, file, pixels, PhotoFace(found, (width, height), expected, spread))
     return with_moved_features(face, placed) if placed else face
+
+
+def note_of_others(found: FaceInPhoto) -> str:
+    """Return a note that the photo shows other faces than ``found``, and which is taken; "" if it does not.
+
+    Faces of at least a third of its height count.
+    """
+    from PIL import Image
+
+    image = Image.fromarray(found.pixels)
+    image.thumbnail((_SIDE_OF_OTHERS, _SIDE_OF_OTHERS))
+    factor = found.pixels.shape[1] / image.width
+    left, top, right, bottom = found.face.landmarks.box
+    middle = (0.5 * (left + right), 0.5 * (top + bottom))
+    others = 0
+    for face in find_all_landmarks(np.asarray(image)):
+        box = factor * face.box
+        same = box[0] < middle[0] < box[2] and box[1] < middle[1] < box[3]
+        if not same and face.logit >= _CERTAIN and 3.0 * (box[3] - box[1]) >= bottom - top:
+            others += 1
+    if not others:
+        return ""
+    u, v = (found.factor * float(place) for place in middle)
+    return (
+        f"{counted(others + 1, 'face')} were found; the most distinct one, at ({u:.0f}, {v:.0f}), is taken. For "
+        "another, cut the photo to it."
+    )
 
 
 def _face_at(

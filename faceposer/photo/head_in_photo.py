@@ -36,6 +36,7 @@ _NECK = (0.05, 0.25)
 _FINEST = 4
 # Least height of a head in pixels.
 _LEAST_HEIGHT = 40.0
+_REMEDY = "take its expression again (Take the expression in the window, or faceposer photo CHARACTER PHOTO --auto)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,7 @@ class HeadInPhoto:
         pixels: The photo, shape (h, w, 3).
         box: Left, top, right and bottom of the part around the head, in pixels of the photo.
         camera: Camera of that part on the grid on which changes are computed.
+        name: Name of the photo for messages.
     """
 
     character: Character
@@ -55,10 +57,17 @@ class HeadInPhoto:
     pixels: NDArray[np.uint8]
     box: tuple[int, int, int, int]
     camera: Camera
+    name: str
 
     @classmethod
     def of(
-        cls, character: Character, vertices: NDArray[np.floating], camera: Camera, pixels: NDArray[np.uint8], side: int
+        cls,
+        character: Character,
+        vertices: NDArray[np.floating],
+        camera: Camera,
+        pixels: NDArray[np.uint8],
+        side: int,
+        name: str,
     ) -> "HeadInPhoto":
         """Return the head of ``character`` with ``vertices``, (N, 3), in a photo.
 
@@ -68,6 +77,7 @@ class HeadInPhoto:
             camera: Camera of the photo; ``pixels`` may be reduced.
             pixels: The photo, shape (h, w, 3).
             side: Longest side of the grid on which changes are computed.
+            name: Name of the photo for messages.
 
         Raises:
             FacePoserError: If the head is not in the photo, or is too small.
@@ -76,19 +86,19 @@ class HeadInPhoto:
         height, width = pixels.shape[:2]
         camera = _resized(camera, (width, height))
         if camera.to_camera(posed)[:, 2].min() <= 0.0:
-            raise FacePoserError("The head is behind the camera of the photo; align the photo again.")
+            raise FacePoserError(f"The head is behind the camera of the photo '{name}'; {_REMEDY}.")
         places = camera.project(posed)
         low, high = places.min(axis=0), places.max(axis=0)
         margin = _MARGIN * float(high[1] - low[1])
         left, top = (int(max(math.floor(low[k] - margin), 0)) for k in range(2))
         right, bottom = (int(min(math.ceil(high[k] + margin), (width, height)[k])) for k in range(2))
         if right - left < _LEAST_HEIGHT or bottom - top < _LEAST_HEIGHT or high[1] - low[1] < _LEAST_HEIGHT:
-            raise FacePoserError("The head is outside the photo or too small in it; align the photo again.")
+            raise FacePoserError(f"The head is outside the photo '{name}' or too small in it; {_REMEDY}.")
         factor = side / max(right - left, bottom - top)
         # A whole number of cells per pixel, so that their means are exact.
         factor = float(min(int(factor), _FINEST)) if factor >= 2.0 else min(factor, 1.0)
         size = (max(round(factor * (right - left)), 1), max(round(factor * (bottom - top)), 1))
-        return cls(character, posed, pixels, (left, top, right, bottom), _part(camera, (left, top), factor, size))
+        return cls(character, posed, pixels, (left, top, right, bottom), _part(camera, (left, top), factor, size), name)
 
     @cached_property
     def head_height(self) -> float:
@@ -171,7 +181,7 @@ class HeadInPhoto:
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
         used = np.flatnonzero(bare[surface.faces[surface.at]] & (normals[:, 2] < -_FACING))
         if len(used) < 100:
-            raise FacePoserError("The photo shows too little of the face to know its light; align the photo again.")
+            raise FacePoserError(f"The photo '{self.name}' shows too little of the face to know its light; {_REMEDY}.")
         if len(used) > _MOST_SAMPLES:
             used = np.sort(np.random.default_rng(0).choice(used, _MOST_SAMPLES, replace=False))
         chosen = np.zeros(len(surface.at), dtype=bool)

@@ -7,14 +7,14 @@ warped along, less with the distance, so that no hole opens where a head gets sl
 the photo did not show, as teeth behind closed lips, is drawn with the model's colours in the photo's light.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from faceposer.photo.head_in_photo import HeadInPhoto
+from faceposer.photo.strips import PhotoChange, with_change
 from faceposer.photo.surface_in_picture import SurfaceInPicture, triangles_of
+from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
 Image32 = NDArray[np.float32]
@@ -40,8 +40,6 @@ _DEEP = 0.01
 _DEPTHS, _DARK, _SHADOW, _SHADOW_WIDTH = (0.015, 0.15), 0.12, 0.45, 0.025
 # Colour of the light inside, much of which lips and gums have reflected.
 _TINT = np.array([1.06, 0.98, 0.92])
-# Difference of the offsets of neighbours at an edge, in pixels of the grid.
-_JUMP = 3.0
 # Limit of the change of tone of drawn parts.
 _TONE = 0.7
 _BLACK = 0.02
@@ -49,24 +47,12 @@ _BLACK = 0.02
 _LEAST_TEETH = 30
 
 
-@dataclass(frozen=True, eq=False)
-class PhotoChange:
-    """How a photo changes, on the grid of its head.
-
-    Attributes:
-        offsets: From each pixel to the place of the photo whose colours it gets, in pixels of the grid, (h, w, 2).
-        light: Logarithm of the factor on these colours, shape (h, w, 3).
-        drawn: Share of the drawn colours, shape (h, w).
-        colours: Those colours, 0 to 1, shape (h, w, 3).
-    """
-
-    offsets: Array
-    light: Array
-    drawn: Array
-    colours: Array
-
-
-def put_back(head: HeadInPhoto, vertices: NDArray[np.floating], skin: Image32 | None = None) -> NDArray[np.uint8]:
+def put_back(
+    head: HeadInPhoto,
+    vertices: NDArray[np.floating],
+    skin: Image32 | None = None,
+    progress: Progress | None = None,
+) -> NDArray[np.uint8]:
     """Return the photo of ``head`` with other vertices, (N, 3), in its light, shape (h, w, 3).
 
     Args:
@@ -74,37 +60,16 @@ def put_back(head: HeadInPhoto, vertices: NDArray[np.floating], skin: Image32 | 
         vertices: The changed head.
         skin: Logarithm of the change of the skin's colours, in the layout of its texture, shape (size, size, 3); None
             for none.
+        progress: Progress and cancellation.
+
+    Raises:
+        FacePoserError: If the photo shows too little of the face.
+        CancelledError: If the user has cancelled the work.
     """
     change = photo_change(head, np.asarray(vertices, dtype=np.float64), skin)
     left, top, right, bottom = head.box
-    part = head.pixels[top:bottom, left:right].astype(np.float32) / 255.0
-    # The difference from the photo is added to it, so that nothing is lost where nothing changes.
-    changed = np.clip(part + _difference(part, change), 0.0, 1.0)
     result = head.pixels.copy()
-    result[top:bottom, left:right] = (255.0 * changed + 0.5).astype(np.uint8)
-    return result
-
-
-def _difference(part: NDArray[np.float32], change: PhotoChange) -> Array:
-    """Return what ``change`` adds to the colours of the ``part`` of the photo around the head, shape (h, w, 3)."""
-    height, width = part.shape[:2]
-    cells = max(change.drawn.shape[0] // height, 1)
-    size = (height * cells, width * cells)
-    factors = (size[0] / change.drawn.shape[0], size[1] / change.drawn.shape[1])
-    offsets = _enlarged_offsets(change.offsets, factors)
-    light, drawn, colours = (_enlarged(value, factors) for value in (change.light, change.drawn, change.colours))
-    rows, columns = (np.mgrid[: size[0], : size[1]] + 0.5) / cells - 0.5
-    across, down = (factor / cells * offsets[..., k] for factor, k in ((factors[1], 0), (factors[0], 1)))
-    result = np.zeros((height, width, 3))
-    for channel in range(3):
-        smooth = ndimage.spline_filter(part[..., channel], mode="nearest")
-        before, warped = (
-            ndimage.map_coordinates(smooth, place, order=3, mode="nearest", prefilter=False)
-            for place in ((rows, columns), (rows + down, columns + across))
-        )
-        lit = np.clip(warped, 0.0, 1.0) * np.exp(light[..., channel])
-        added = (1.0 - drawn) * lit + drawn * colours[..., channel] - np.clip(before, 0.0, 1.0)
-        result[..., channel] = added.reshape(height, cells, width, cells).mean(axis=(1, 3))
+    result[top:bottom, left:right] = with_change(head.pixels[top:bottom, left:right], change, progress)
     return result
 
 
@@ -302,18 +267,6 @@ def _extended(image: Array, known: Mask) -> Array:
     coarse = _extended(averages, full) if min(full.shape) > 1 else np.where(full[..., None], averages, 0.0)
     large = _enlarged(coarse, (image.shape[0] / coarse.shape[0], image.shape[1] / coarse.shape[1]))
     result: Array = np.where(known[..., None], image, large[: image.shape[0], : image.shape[1]])
-    return result
-
-
-def _enlarged_offsets(offsets: Array, factors: tuple[float, float]) -> Array:
-    """Return ``offsets``, (h, w, 2), linearly enlarged, but not across edges, as of the jaw before the neck."""
-    if factors == (1.0, 1.0):
-        return offsets
-    size = (*(round(factor * side) for factor, side in zip(factors, offsets.shape, strict=False)),)
-    rows, columns = ((np.arange(n) * m // n) for n, m in zip(size, offsets.shape, strict=False))
-    jumps = ndimage.maximum_filter(offsets, (3, 3, 1)) - ndimage.minimum_filter(offsets, (3, 3, 1))
-    edge = jumps.max(axis=2)[rows][:, columns] > _JUMP
-    result: Array = np.where(edge[..., None], offsets[rows][:, columns], _enlarged(offsets, factors))
     return result
 
 

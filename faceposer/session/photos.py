@@ -2,8 +2,11 @@
 
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from faceposer.errors import FacePoserError
+from faceposer.files.paths import same_file
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Photo
@@ -15,6 +18,17 @@ from faceposer.solve.constraints.distance import DistanceConstraint
 from faceposer.solve.constraints.gaze import GazeConstraint
 from faceposer.solve.constraints.point import PointConstraint
 from faceposer.solve.constraints.registry import Constraint
+
+
+def check_no_photo(document: Document, path: Path) -> None:
+    """Check that a picture written to ``path`` would not overwrite a photo of ``document``.
+
+    Raises:
+        FacePoserError: If it would.
+    """
+    for photo in document.photos:
+        if same_file(path, photo.path):
+            raise FacePoserError(f"'{path}' is a photo of the session; give the picture another name.")
 
 
 def with_photo(document: Document, index: int, photo: Photo) -> Document:

@@ -13,7 +13,8 @@ from faceposer.model.face_model import FaceModel
 from faceposer.photo.head_in_photo import SIDE, HeadInPhoto
 from faceposer.photo.photo import Photo
 from faceposer.photo.putting_back import put_back
-from faceposer.photo.reading import read_photo
+from faceposer.photo.reading import inspect_photo, read_photo
+from faceposer.progress import Progress
 from faceposer.session.session import Session
 
 # Side of the image in which the colour of skin changes, and limit of the change of its logarithm.
@@ -22,19 +23,18 @@ _SKIN, _MOST_CHANGE = 512, 0.6
 _SAME = 0.02
 
 
-def head_in_photo(
-    model: FaceModel, photo: Photo, pixels: NDArray[np.uint8] | None = None, side: int = SIDE
-) -> HeadInPhoto:
+def head_in_photo(model: FaceModel, photo: Photo, largest: int | None = None, side: int = SIDE) -> HeadInPhoto:
     """Return the head of the character of ``model`` as ``photo`` shows it.
 
     Args:
         model: The face model of the character before its head was edited.
         photo: The photo.
-        pixels: Its pixels, reduced or not; they are read from its file if None.
+        largest: Longest side to which its pixels are reduced; None for all of them.
         side: Longest side of the grid on which changes are computed.
 
     Raises:
-        FacePoserError: If the file cannot be read, the expression in the photo is unknown, or the head is outside it.
+        FacePoserError: If the file cannot be read or is not the one of which the expression was taken, the expression
+            in the photo is unknown, or the head is outside it.
     """
     pose = photo.pose_of(model)
     if pose is None or photo.camera is None:
@@ -42,11 +42,18 @@ def head_in_photo(
             f"It is not known how '{photo.name}' shows the face of '{model.character.title}'; take its expression "
             "first (Take the expression in the window, or faceposer photo CHARACTER PHOTO --auto)."
         )
-    image = read_photo(Path(photo.path)) if pixels is None else pixels
-    return HeadInPhoto.of(model.character, model.surface(pose), photo.camera, image, side)
+    path = Path(photo.path)
+    size = inspect_photo(path).size
+    if size != photo.size:
+        raise FacePoserError(
+            f"The photo '{photo.path}' has {size[0]} x {size[1]} pixels, but the session was made with "
+            f"{photo.size[0]} x {photo.size[1]}; put the photo back, or take its expression again."
+        )
+    pixels = read_photo(path, largest)
+    return HeadInPhoto.of(model.character, model.surface(pose), photo.camera, pixels, side, photo.name)
 
 
-def photo_with_face(session: Session, index: int = 0) -> NDArray[np.uint8]:
+def photo_with_face(session: Session, index: int = 0, progress: Progress | None = None) -> NDArray[np.uint8]:
     """Return photo ``index`` of ``session`` with the face as it is now, in the photo's light, shape (h, w, 3).
 
     Raises:
@@ -60,7 +67,7 @@ def photo_with_face(session: Session, index: int = 0) -> NDArray[np.uint8]:
             else "The session has no photo to put the face back into; add one with faceposer photo."
         )
     head = head_in_photo(session.base_model, photos[index])
-    return put_back(head, session.vertices, skin_change(session.base_model, session.document.identity))
+    return put_back(head, session.vertices, skin_change(session.base_model, session.document.identity), progress)
 
 
 @lru_cache(maxsize=4)

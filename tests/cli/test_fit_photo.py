@@ -59,3 +59,28 @@ def test_a_photo_without_a_face_gets_one_sentence(tmp_path: Path, capsys: Captur
     assert "No face was found" in error
     assert len(error.strip().splitlines()) == 1
     assert not (tmp_path / "me.npz").exists()
+
+
+def test_outputs_of_one_name_are_refused_and_inputs_kept(photo: Path, tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "w").mkdir()
+    out, one, same = tmp_path / "me.npz", tmp_path / "ok.json", tmp_path / "w" / ".." / "ok.json"
+    for words in (
+        ("identity", "fit-photo", photo, "-o", out, "--session", one, "--report", same),
+        ("landmarks", photo, "-o", one, "--pins", same),
+    ):
+        assert run(*words) == 2
+        assert "given for two outputs" in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()
+    assert not one.exists()
+
+
+def test_of_two_faces_one_is_taken_and_said(tmp_path: Path, capsys: Capture) -> None:
+    both, out = tmp_path / "both.png", tmp_path / "s.json"
+    one = astronaut()
+    Image.fromarray(np.hstack([one, one[:, ::-1]])).save(both)
+    assert run("photo", "man", both, "--auto", "-o", out, "--no-pose") == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "both.png: 2 faces were found; the most distinct one, at (" in said
+    place = float(said.split("at (")[1].split(",")[0])
+    eyes = [pin.pixel[0] for pin in read_document(out).photos[0].pins]
+    assert min(eyes) < place < max(eyes)

@@ -166,7 +166,7 @@ def test_wrong_uses_are_refused_in_one_sentence_before_any_work(strokes: Path, t
         (("sketch", "man", strokes, "-o", strokes), "is also an input"),
         (("sketch", "man", strokes, "-o", out, "--report", tmp_path / "r.txt"), "must end in '.json'"),
         (("sketch", "man", strokes, "-o", out, "--report", strokes), "is also an input"),
-        (("sketch", "man", strokes, "-o", out, "--report", out), "is also the output"),
+        (("sketch", "man", strokes, "-o", out, "--report", out), "given for two outputs"),
         (("sketch", "man", strokes, "-o", tmp_path / "no" / "out.json"), "does not exist"),
         (("sketch", "nobody", strokes, "-o", out), "neither a character"),
         (("sketch", "man", tmp_path / "none.json", "-o", out), "cannot be read"),
@@ -238,7 +238,7 @@ def test_a_report_does_not_overwrite_the_session(
     for report in (out, tmp_path / "folder" / ".." / "out.json", tmp_path / "link.json"):
         status, _, err = run_captured(capsys, "sketch", "man", strokes, "-o", out, "--report", report)
         assert status == 2
-        assert "is also the output" in err
+        assert "given for two outputs" in err
     assert out.read_text() == "{}"
 
 

@@ -17,6 +17,7 @@ from faceposer.files import temporary
 from faceposer.files.atomic import (
     atomic_file,
     atomic_folder,
+    check_distinct,
     check_folder_of,
     check_new_folder,
     check_not_input,
@@ -484,3 +485,17 @@ def test_long_names_have_temporary_files_of_their_own(tmp_path: Path) -> None:
     paths = [tmp_path / ("n" * 251 + suffix) for suffix in (".mtl", ".obj")]
     assert len({temporary.temporary_path(path) for path in paths}) == 2
     assert all(len(os.fsencode(temporary.temporary_path(path).name)) <= 255 for path in paths)
+
+
+def test_outputs_that_are_one_file_are_refused_whatever_leads_to_it(tmp_path: Path) -> None:
+    one, two, folder = tmp_path / "one.json", tmp_path / "two.json", tmp_path / "folder"
+    folder.mkdir()
+    check_distinct(one, None, two, None)
+    with pytest.raises(FacePoserError, match=r"one\.json' is given for two outputs; give each a name of its own"):
+        check_distinct(two, one, one)
+    two.write_text("{}")
+    (folder / "link.json").symlink_to(two)
+    for other in (folder / ".." / "two.json", folder / "link.json"):
+        with pytest.raises(FacePoserError) as said:
+            check_distinct(one, two, other)
+        assert f"'{two}' and '{other}' are one file, given for two outputs" in str(said.value)

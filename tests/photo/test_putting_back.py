@@ -47,7 +47,7 @@ def drawn(model: FaceModel, vertices: NDArray[np.floating]) -> tuple[Pixels, NDA
 @pytest.fixture(scope="module")
 def head(model: FaceModel) -> HeadInPhoto:
     picture, _ = drawn(model, model.surface(model.neutral()))
-    return HeadInPhoto.of(model.character, model.surface(model.neutral()), CAMERA, picture, 300)
+    return HeadInPhoto.of(model.character, model.surface(model.neutral()), CAMERA, picture, 300, "face.jpg")
 
 
 def test_an_unchanged_face_gives_back_the_photo(model: FaceModel, head: HeadInPhoto) -> None:
@@ -114,8 +114,8 @@ def test_a_slimmer_head_leaves_no_hole(model: FaceModel, head: HeadInPhoto) -> N
 
 def test_a_head_outside_the_photo_gets_one_sentence(model: FaceModel, head: HeadInPhoto) -> None:
     aside = Camera(CAMERA.rotation, CAMERA.translation + (60.0, 0.0, 0.0), CAMERA.focal, SIZE)
-    with pytest.raises(FacePoserError, match="outside the photo"):
-        HeadInPhoto.of(model.character, head.vertices, aside, head.pixels, 300)
+    with pytest.raises(FacePoserError, match=r"outside the photo 'face\.jpg'"):
+        HeadInPhoto.of(model.character, head.vertices, aside, head.pixels, 300, "face.jpg")
 
 
 def test_a_photo_of_unknown_expression_gets_one_sentence(model: FaceModel, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from faceposer.cli.arguments import output_path
 from faceposer.cli.identity.heads import ROOM, check_titles
 from faceposer.errors import FacePoserError, counted
-from faceposer.files.atomic import check_not_input, check_output, check_space
+from faceposer.files.atomic import check_distinct, check_not_input, check_output, check_space
 
 NAME = "fit"
 
@@ -52,6 +52,7 @@ def run(options: argparse.Namespace) -> int:
             check_space(path, ROOM[suffix])
             check_not_input(path, *options.landmarks, options.model)
             check_not_of_meshes(path, *options.scans)
+    check_distinct(*(path for path, _ in outputs))
     check_titles(options)
     if len(options.landmarks) not in (0, len(options.scans)):
         raise FacePoserError(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from faceposer.cli.arguments import number_between, output_path
 from faceposer.cli.identity.heads import ROOM, check_titles
 from faceposer.errors import FacePoserError, counted, printable
-from faceposer.files.atomic import check_not_input, check_output, check_space
+from faceposer.files.atomic import check_distinct, check_not_input, check_output, check_space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,17 +75,22 @@ def run(options: argparse.Namespace) -> int:
             check_output(path, suffix)
             check_space(path, ROOM[suffix])
             check_not_input(path, *options.photos, *options.pins)
+    check_distinct(*(path for path, _ in outputs))
     check_titles(options)
+    from faceposer.cli.opening import print_notes
     from faceposer.cli.progress_line import ProgressLine
     from faceposer.files.writing import write_json
     from faceposer.identity.photos.head_from_photos import head_from_photos
     from faceposer.model.character_file import save_character
-    from faceposer.photo.faces import read_face
+    from faceposer.photo.faces import note_of_others, read_face
 
     if len(options.photos) > _MOST_PHOTOS:
         raise FacePoserError(f"There are {len(options.photos)} photos; give at most {_MOST_PHOTOS}.")
     pins = _pins_of(options)
     found = [read_face(path, pins=given) for path, given in zip(options.photos, pins, strict=True)]
+    for one, given in zip(found, pins, strict=True):
+        # Pins say which face is meant.
+        print_notes(one.path, "" if given else note_of_others(one))
     name = options.name or options.output.stem
     line = ProgressLine()
     try:

@@ -13,6 +13,7 @@ from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.events import Drop
 from faceposer.gui.features.photo.feature import PhotoFeature
 from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.photo import Photo, Pin
 from faceposer.photo.places import GUIDED, guided
@@ -74,7 +75,7 @@ def pin(robot: Robot, count: int) -> None:
         robot.click(at(robot, (u, v)))
 
 
-def test_the_face_is_put_back_into_its_photo(robot: Robot, tmp_path: Path) -> None:
+def test_the_face_is_put_back_into_its_photo(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The photo shows the neutral man; once he smiles, the view shows the photo with the smile."""
     app = robot.app
     model = app.session.model
@@ -110,6 +111,16 @@ def test_the_face_is_put_back_into_its_photo(robot: Robot, tmp_path: Path) -> No
     robot.frames(2)
     assert app.scene.photo is not None
     assert app.scene.photo.before < 1.0
+    # The picture does not overwrite the photo of the session.
+    asked: list[FileRequest] = []
+    kept = shot.read_bytes()
+    monkeypatch.setattr(app, "ask_for_file", asked.append)
+    photos.save_picture()
+    asked[0].done(shot)
+    photos.putting_back.join()
+    robot.frames(2)
+    assert "is a photo of the session" in app.dialogs.waiting[-1].text
+    assert shot.read_bytes() == kept
 
 
 def beside(robot: Robot) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -125,5 +125,29 @@ def test_an_expression_is_taken_in_one_click(open_window: OpenWindow, photo: Pat
     assert weights["jawOpen"] > 0.1
     assert session.undo_label == "Take the expression"
     assert photos.aligned
+    assert "faces were found" not in robot.app.notice
     robot.key("Ctrl+Z")
     assert not session.coefficients.any()
+
+
+def test_of_two_faces_one_is_taken_and_said(open_window: OpenWindow, photo: Path, tmp_path: Path) -> None:
+    with Image.open(photo) as one:
+        pixels = np.asarray(one.convert("RGB"))
+    both = tmp_path / "both.png"
+    Image.fromarray(np.hstack([pixels, pixels[:, ::-1]])).save(both)
+    robot = open_window("man", (1000, 800), pictures=False)
+    photos = robot.app.features[PhotoFeature]
+    photos.open(both)
+    robot.frames(2)
+    photos.take_expression()
+    photos.expression.join()
+    robot.frames(3)
+    assert robot.app.notice.startswith("2 faces were found; the most distinct one, at (")
+
+
+def test_photos_stand_together_in_the_menu_view(open_window: OpenWindow) -> None:
+    entries = open_window("low", (680, 540), pictures=False).app.actions.in_menu("View")
+    names = [entry.name for entry in entries]
+    first = names.index("photo-look")
+    assert names[first : first + 3] == ["photo-look", "photo-shown", "photo-put-back"]
+    assert [entry.separated for entry in entries if entry.name.startswith("photo-")] == [True, False, False]

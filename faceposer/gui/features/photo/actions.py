@@ -54,16 +54,6 @@ def photo_actions(photos: Photos) -> tuple[Action, ...]:
             help="Find the face in the photo and pose the character after it, without pins",
         ),
         Action(
-            "photo-put-back",
-            "Put the face back",
-            "View",
-            photos.putting_back.toggle,
-            (),
-            lambda: has_photo() and photos.can_put_back,
-            lambda: photos.putting_back.on,
-            help="Show the photo with the face as it is now, in the photo's light",
-        ),
-        Action(
             "photo-save",
             "Save picture with the face...",
             "File",
@@ -91,5 +81,15 @@ def photo_actions(photos: Photos) -> tuple[Action, ...]:
             has_photo,
             lambda: photos.photo is not None and photos.photo.visible,
             help="Show or hide the photo",
+        ),
+        Action(
+            "photo-put-back",
+            "Put the face back",
+            "View",
+            photos.putting_back.toggle,
+            (),
+            lambda: has_photo() and photos.can_put_back,
+            lambda: photos.putting_back.on,
+            help="Show the photo with the face as it is now, in the photo's light",
         ),
     )

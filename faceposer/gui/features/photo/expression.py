@@ -22,7 +22,7 @@ class TakeExpression:
     def __init__(self, context: EditorContext, done: Callable[[], None]) -> None:
         """Pose in ``context``; ``done`` is called after the pose has changed."""
         self._context, self._done = context, done
-        self._job: ThreadJob[PhotoExpression] | None = None
+        self._job: ThreadJob[tuple[PhotoExpression, str]] | None = None
         self._session: Session | None = None
         self._photo: Photo | None = None
 
@@ -38,15 +38,15 @@ class TakeExpression:
         self._session, self._photo = self._context.session, photo
         model = self._session.model
 
-        def work(progress: Progress) -> "PhotoExpression":
+        def work(progress: Progress) -> "tuple[PhotoExpression, str]":
             # Imported late to shorten the start of the window.
             from faceposer.photo.automatic import expression_of
-            from faceposer.photo.faces import read_face
+            from faceposer.photo.faces import note_of_others, read_face
 
             progress.at("Finding the face")
             found = read_face(Path(photo.path), photo.focal)
             progress.at("Taking the expression")
-            return expression_of(found, model)
+            return expression_of(found, model), note_of_others(found)
 
         self._job = ThreadJob(work, self._context.wake)
         self._context.notify("Finding the face in the photo...")
@@ -66,7 +66,10 @@ class TakeExpression:
         elif job.error is not None:
             raise job.error
         elif job.result is not None and self._session is self._context.session:
-            self._apply(job.result)
+            taken, note = job.result
+            self._apply(taken)
+            if note:
+                self._context.notify(note)
 
     def _apply(self, taken: "PhotoExpression") -> None:
         session, before = self._context.session, self._photo

@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
-from faceposer.files.atomic import check_not_input
 from faceposer.gui.context import EditorContext
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.photo.photo import Photo
-from faceposer.photo.reading import read_photo
 from faceposer.progress import Progress
 from faceposer.render.images import write_png
 from faceposer.render.offscreen import photo_texture
 from faceposer.session.jobs import ThreadJob
+from faceposer.session.photos import check_no_photo
 from faceposer.session.session import Session
 
 if TYPE_CHECKING:
@@ -79,15 +78,14 @@ class PuttingBack:
         vertices, model, identity = session.vertices, session.base_model, session.document.identity
         key = (photo.path, photo.camera, photo.expression, id(model))
 
-        def work(_: Progress) -> Pixels:
+        def work(progress: Progress) -> Pixels:
             # Imported late to shorten the start of the window.
             from faceposer.photo.putting_back import put_back
             from faceposer.session.putting_back import head_in_photo, skin_change
 
             if self._head is None or self._head[0] != key:
-                pixels = read_photo(Path(photo.path), _LARGEST)
-                self._head = (key, head_in_photo(model, photo, pixels, _GRID))
-            return put_back(self._head[1], vertices, skin_change(model, identity))
+                self._head = (key, head_in_photo(model, photo, _LARGEST, _GRID))
+            return put_back(self._head[1], vertices, skin_change(model, identity), progress)
 
         return work
 
@@ -120,17 +118,22 @@ class PuttingBack:
 
         def save(path: Path) -> None:
             session = self._context.session
-            photos = [one.path for one in session.document.photos]
             vertices, model, identity = session.vertices, session.base_model, session.document.identity
+            try:
+                check_no_photo(session.document, path)
+            except FacePoserError as error:
+                self._context.dialogs.report("The picture was not saved", str(error))
+                return
 
-            def work(_: Progress) -> None:
+            def work(progress: Progress) -> None:
                 from faceposer.photo.putting_back import put_back
                 from faceposer.session.putting_back import head_in_photo, skin_change
 
-                check_not_input(path, *photos)
-                write_png(path, put_back(head_in_photo(model, photo), vertices, skin_change(model, identity)))
+                head = head_in_photo(model, photo)
+                write_png(path, put_back(head, vertices, skin_change(model, identity), progress))
 
             self._saving = (ThreadJob(work, self._context.wake), path)
+            self._context.notify(f"Writing {path.name}...")
 
         self._context.ask_for_file(FileRequest("save", "Save picture", "Pictures", (".png",), place, save))
 
