@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.api import checks
 from faceposer.api.posing import PathName
 from faceposer.errors import FacePoserError
 from faceposer.session.session import Session
@@ -30,18 +31,17 @@ class PhotosMixin:
             FacePoserError: If there is no such photo, its file cannot be read, its expression is unknown, or the file
                 cannot be written.
         """
-        from pathlib import Path
-
         from faceposer.files.atomic import check_output
         from faceposer.session.putting_back import photo_with_face
 
         if isinstance(photo, bool) or not isinstance(photo, (int, np.integer)):
             raise FacePoserError("The number of a photo must be a whole number, from 0.")
         if path is not None:
-            check_output(Path(path), ".png")
+            path = checks.path_of(path, "The file")
+            check_output(path, ".png")
         picture = photo_with_face(self.session, int(photo))
         if path is not None:
             from faceposer.render.images import write_png
 
-            write_png(Path(path), picture)
+            write_png(path, picture)
         return picture

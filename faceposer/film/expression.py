@@ -107,12 +107,18 @@ def _notes(film: Film, track: Track, head: FollowedHead) -> list[str]:
         )
     if track.others:
         notes.append(f"The film shows {counted(track.others, 'other face')}; the largest is followed.")
-    missing = int((~head.seen).sum())
-    if missing:
+    numbers = head.first + np.arange(len(head.seen))
+    given = np.isin(numbers, track.numbers)
+    missing, unseen = numbers[~given], numbers[given & ~head.seen]
+    if len(missing):
         notes.append(
-            f"In {missing} of {counted(len(head.seen), 'frame')} the face is not seen, or turned by more than 60 "
-            f"degrees, first at {(head.first + int(np.argmin(head.seen))) / film.rate:.2f} s; there, the expression "
-            "passes over from those around."
+            f"The film lacks {len(missing)} of {counted(len(numbers), 'frame')}, first at "
+            f"{missing[0] / film.rate:.2f} s; there, the expression passes over from those around."
+        )
+    if len(unseen):
+        notes.append(
+            f"In {len(unseen)} of {counted(int(given.sum()), 'frame')} the face is not seen, or turned by more than 60 "
+            f"degrees, first at {unseen[0] / film.rate:.2f} s; there, the expression passes over from those around."
         )
     return notes
 

@@ -193,5 +193,5 @@ def too_long(film: Film, n_frames: int | None = None) -> FacePoserError:
     count = f"{n_frames:,}" if n_frames is not None else f"more than {MOST_FRAMES:,}"
     return FacePoserError(
         f"The film '{film.path}' has {count} frames, and at most {MOST_FRAMES:,} are used, "
-        f"{MOST_FRAMES / film.rate:.0f} seconds; choose a part with --from and --to, or a lower rate."
+        f"{MOST_FRAMES / film.rate:.0f} seconds; choose a shorter part."
     )

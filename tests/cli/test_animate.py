@@ -168,6 +168,8 @@ def test_a_film_becomes_an_animation_with_session_and_report(
         (("{film}", "--from", "100"), "choose a part that begins before its end"),
         (("{jaw}", "--to", "1"), "are for films, not for trajectories"),
         (("{none}",), "There is no film"),
+        (("{nowhere}",), "There is no film, folder or file of trajectories"),
+        (("{picture}",), "is neither a film nor trajectories; give a video, an animated .gif, a folder of pictures"),
     ],
 )
 def test_films_and_options_that_do_not_fit_are_refused(
