@@ -482,3 +482,21 @@ def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
         face.transfer_to("low", "examples")
     with pytest.raises(FacePoserError, match="not for Man"):
         face.transfer_to("man", "examples", keys=keys.folder)
+
+
+@pytest.mark.parametrize("path", [None, 5, b"x"])
+def test_what_is_no_path_is_refused(path: Any, tmp_path: Path) -> None:
+    face = faceposer.load("woman")
+    with pytest.raises(FacePoserError, match="The film must be a path, not "):
+        face.follow_film(path)
+    if path is not None:
+        with pytest.raises(FacePoserError, match="The file must be a path, not "):
+            face.put_back(0, path)
+
+
+def test_a_time_of_a_film_may_be_text_but_must_be_a_number(tmp_path: Path) -> None:
+    face = faceposer.load("woman")
+    with pytest.raises(FacePoserError, match=r"The start must be a number, not 'x'\.$"):
+        face.follow_film(tmp_path / "a.gif", start="x")  # type: ignore[arg-type]
+    with pytest.raises(FacePoserError, match=r"The end of the part, 1 s, is not after its start, 2 s\.$"):
+        face.follow_film(tmp_path / "a.gif", start="2", end="1")  # type: ignore[arg-type]

@@ -146,8 +146,8 @@ class FilmDialog:
         with modal_body(buttons):
             wrapped_text(
                 f"The animation has {counted(len(performance), 'frame')} at {performance.rate:.5g} fps, "
-                f"{performance.seconds:.2f} s. {counted(n_few, 'key')} make the same animation up to differences that are "
-                "hardly seen, and fewer keys are easier to edit. A key at every frame keeps the animation unchanged."
+                f"{performance.seconds:.2f} s. With {counted(n_few, 'key')}, differences are small, and the animation "
+                "is easier to edit. A key at every frame keeps the animation unchanged."
             )
             for note in result.found.notes:
                 caption(note)
