@@ -116,8 +116,8 @@ class AnimationFilesFeature(Feature):
             Question(
                 f"How many keys for {path.name}?",
                 f"The animation has {length}, {performance.seconds:.2f} s. With "
-                f"{counted(len(few.keys), 'key')}, differences are small, and the animation is easier to edit. A key at "
-                f"every frame keeps the animation unchanged.{_remarks(read.note)}",
+                f"{counted(len(few.keys), 'key')}, differences are small, and the animation is easier to edit. A key "
+                f"at every frame keeps the animation unchanged.{_remarks(read.note)}",
                 (
                     Choice(f"{len(few.keys)} keys", lambda: load(few)),
                     Choice("Every frame", lambda: load(dense)),
