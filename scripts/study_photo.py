@@ -3,6 +3,7 @@
 Run from the root of a checkout::
 
     python -m scripts.study_photo --json F.json --n 50 --views 1 3
+    python -m scripts.study_photo --json F.json --n 10 --first 3000 --views 1 --lights other
     python -m scripts.study_photo --json F.json --n 0 --scan shared/scans/perry_smith.obj
 """
 
@@ -31,8 +32,11 @@ def main() -> None:
     parser.add_argument("--scan", help="also photos of this scan, OBJ with texture")
     parser.add_argument("--scan-photos", type=int, default=10, help="number of random photos of the scan")
     parser.add_argument("--add", type=Path, nargs="+", default=[], help="files of earlier runs, whose trials count")
+    parser.add_argument(
+        "--lights", choices=("phong", "other"), default="phong", help="light as of the fit, or lamps and sky"
+    )
     options = parser.parse_args()
-    study, trials = Study(), [trial for path in options.add for trial in _read(path)]
+    study, trials = Study(options.lights == "other"), [trial for path in options.add for trial in _read(path)]
     if options.scan:
         scan = ScanStudy(study, options.scan)
         for number in range(options.scan_photos):

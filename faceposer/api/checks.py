@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from collections.abc import Iterable, Sequence
 from os import fspath
 from pathlib import Path
@@ -23,6 +24,29 @@ _LARGEST_SIDE = 16384
 def _short_repr(value: object) -> str:
     """Return the beginning of ``repr(value)`` on one line, for messages."""
     return " ".join(repr(value).split())[:60]
+
+
+def path_name(value: object, label: str) -> str:
+    """Return ``value`` as text if it is a name or a path.
+
+    Raises:
+        FacePoserError: Otherwise; the message begins with ``label``.
+    """
+    found = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
+    if not isinstance(found, str):
+        raise FacePoserError(f"{label} must be a name or a path, not {_short_repr(value)}.")
+    return found
+
+
+def text(value: object, label: str) -> str:
+    """Return ``value`` if it is text.
+
+    Raises:
+        FacePoserError: Otherwise; the message begins with ``label``.
+    """
+    if not isinstance(value, str):
+        raise FacePoserError(f"{label} must be text, not {_short_repr(value)}.")
+    return value
 
 
 def one_of(value: T, choices: Sequence[T], label: str) -> T:

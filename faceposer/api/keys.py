@@ -1,6 +1,6 @@
 """Folders of key poses for cloning by examples (docs/transfer.md)."""
 
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import Literal, Self, get_args
 
@@ -24,7 +24,7 @@ class KeyPoses:
 
     def __init__(self, folder: PathName) -> None:
         """Open a ``folder`` of key poses."""
-        self.folder = Path(folder)
+        self.folder = _path(folder, "The folder of keys")
         self._files()
 
     @classmethod
@@ -41,9 +41,11 @@ class KeyPoses:
             propose: How missing poses are proposed: "auto", "distances" or "weights".
         """
         checks.one_of(propose, get_args(Proposal), "The proposal")
-        check_sequence_folder(Path(folder))
-        library = None if poses is None else Path(poses)
-        create_keys(Path(folder), fspath(source), fspath(target), library, proposal=propose)
+        place = _path(folder, "The folder of keys")
+        names = checks.path_name(source, "The source"), checks.path_name(target, "The target")
+        library = None if poses is None else _path(poses, "The folder of poses")
+        check_sequence_folder(place)
+        create_keys(place, *names, library, proposal=propose)
         return cls(folder)
 
     @property
@@ -60,17 +62,18 @@ class KeyPoses:
             target: File of the target; None for a proposal.
             replace: Replace a key of this name.
         """
-        answer = None if target is None else Path(target)
-        return add_key(self._files(), name, Path(source), answer, replaces=replace)[0]
+        title, pose = checks.text(name, "The name of a key"), _path(source, "The source")
+        answer = None if target is None else _path(target, "The target")
+        return add_key(self._files(), title, pose, answer, replaces=replace)[0]
 
     def remove(self, name: str) -> None:
         """Delete the files of the key with this name."""
-        self._files().remove(name)
+        self._files().remove(checks.text(name, "The name of a key"))
 
     def choose(self, take: PathName, count: int) -> list[str]:
         """Add the frames of an animation, a file of weights, that help most, and return the names of the new keys."""
         number = int(checks.number(count, 1, MOST_KEYS, "The number of keys"))
-        return [name for name, _ in choose_keys(self._files(), Path(take), number)]
+        return [name for name, _ in choose_keys(self._files(), _path(take, "The animation"), number)]
 
     def compose(self, meeting: Literal["smooth", "switch"] = "smooth") -> Composition:
         """Add the combinations of emotional and verbal keys; "switch" is the rule as printed in the paper."""
@@ -94,3 +97,7 @@ class KeyPoses:
 
     def _files(self) -> KeyFolder:
         return KeyFolder.read(self.folder)
+
+
+def _path(value: object, label: str) -> Path:
+    return Path(checks.path_name(value, label))

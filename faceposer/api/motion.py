@@ -12,6 +12,7 @@ from faceposer.animation.keyframes import INBETWEENS, Keyframes
 from faceposer.animation.trajectories import Trajectories
 from faceposer.animation.trajectory_io import read_trajectories
 from faceposer.api import checks
+from faceposer.api.keys import KeyPoses
 from faceposer.errors import FacePoserError, FacePoserWarning
 from faceposer.geometry.camera import Camera
 from faceposer.model.performance import Performance
@@ -213,7 +214,7 @@ class MotionMixin:
         character: str | PathLike[str],
         method: Method = "distances",
         pairs: Sequence[Pair] | None = None,
-        keys: str | PathLike[str] | None = None,
+        keys: KeyPoses | str | PathLike[str] | None = None,
     ) -> Self:
         """Return another face with the pose and animation of this face (docs/transfer.md).
 
@@ -222,21 +223,23 @@ class MotionMixin:
             method: "distances" matches distances between feature points, "weights" copies ARKit weights, "examples"
                 follows pairs of key poses.
             pairs: Pairs of points with distances to match; the built-in list if None.
-            keys: Folder of key poses of both characters, for "examples".
+            keys: Key poses of both characters, or their folder, for "examples".
         """
-        session, name = self.session, fspath(character)
+        session, name = self.session, checks.path_name(character, "The character")
         checks.one_of(method, get_args(Method), "The method")
-        if pairs is not None and not all(isinstance(pair, Pair) for pair in pairs):
+        listed = isinstance(pairs, Sequence)
+        if pairs is not None and not (listed and all(isinstance(pair, Pair) for pair in pairs)):
             raise FacePoserError("Pairs must be of the class faceposer.transfer.pairs.Pair, two feature points each.")
         if (keys is not None) != (method == "examples"):
             raise FacePoserError("The method 'examples' needs 'keys', a folder of key poses; other methods have none.")
         target = load_model(name)
         transfer: Transfer
         if keys is not None:
-            folder = KeyFolder.read(Path(keys))
+            place = keys.folder if isinstance(keys, KeyPoses) else Path(checks.path_name(keys, "The folder of keys"))
+            folder = KeyFolder.read(place)
             check_characters(folder, session.model, name)
             loaded = load_keys(folder, "weights")
-            _warn(keys, loaded.notes)
+            _warn(place, loaded.remarks)
             transfer = HeadTransfer(loaded.transfer, session.model)
         else:
             transfer = make_transfer(session.model, target, method, DEFAULT_PAIRS if pairs is None else pairs)

@@ -257,22 +257,28 @@ def _check(options: argparse.Namespace) -> int:
         check_not_input(options.json, options.on, options.folder / "keys.json")
     from faceposer.cli.opening import print_notes
     from faceposer.session.key_folder import KeyFolder
+    from faceposer.session.key_kinds import check_kinds
     from faceposer.session.keys import load_keys
 
     keys = KeyFolder.read(options.folder)
+    check_kinds(keys)
     loaded = load_keys(keys)
     print_notes(options.folder, loaded.notes)
+    for reason in loaded.left_out.values():
+        print_notes(options.folder, f"Left out. {reason}")
     pairs = loaded.transfer.pairs
     form = "poses of its shapes" if loaded.has_own_shapes else "blends of meshes"
     print(f"{options.folder}: {counted(len(pairs) + 1, 'key')} with the neutral face; the target gets {form}")
     report: dict[str, Any] = {"keys": [pair.name for pair in pairs], "own_shapes": loaded.has_own_shapes}
+    report["left_out"] = dict(loaded.left_out)
     if options.on is not None:
         report |= _coverage(loaded.transfer, options.on, options.count, keys)
     if options.json is not None:
         from faceposer.files.writing import write_json
 
         write_json(options.json, report, "report")
-    return 0
+    # Scripts have to see that something is wrong.
+    return 2 if loaded.left_out else 0
 
 
 def _coverage(transfer: "ExampleTransfer", take: Path, count: int, keys: "KeyFolder") -> dict[str, Any]:

@@ -188,7 +188,7 @@ def _by_examples(options: argparse.Namespace, source: "FaceModel") -> "tuple[Hea
         )
     # Sessions and weights are of the character's own shapes.
     loaded = load_keys(keys, "weights" if suffix in (".json", ".csv") else "auto", options.regions)
-    print_notes(options.keys, loaded.notes)
+    print_notes(options.keys, loaded.remarks)
     return HeadTransfer(loaded.transfer, source), loaded.transfer.target
 
 

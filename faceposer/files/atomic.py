@@ -9,6 +9,7 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths as path_checks
+from faceposer.files.key_places import check_not_key
 from faceposer.files.temporary import remove_left, temporary_path
 
 
@@ -195,8 +196,9 @@ def check_folder_of(path: Path) -> None:
     """Check that the output ``path`` could be written to its folder, before any work is done for it.
 
     Raises:
-        FacePoserError: If it could not.
+        FacePoserError: If it could not, or is among key poses.
     """
+    check_not_key(path)
     folder = path_checks.absolute(path).parent
     if reason := path_checks.problem(path):
         raise FacePoserError(f"The output '{path}' cannot be written: {reason}.")

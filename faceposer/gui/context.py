@@ -117,6 +117,11 @@ class EditorContext(Protocol):
         ...
 
     @property
+    def edited_instead(self) -> str:
+        """What is edited in place of the session, such as a key pose, for the status bar; otherwise ""."""
+        ...
+
+    @property
     def is_modal(self) -> bool:
         """True if a menu or a dialog blocks the view."""
         ...

@@ -147,7 +147,7 @@ class Editor:
         self.scene.set_model(session.model)
         chosen = self.toolbox.chosen
         self.toolbox = Toolbox(self.viewport, self.toolbox.tool_settings)
-        if chosen.name in (tool.name for tool in self.toolbox.usable_tools):
+        if chosen.name in (tool.name for tool in self.toolbox.usable_tools if not tool.held(session)):
             self.toolbox.choose(chosen.name)
         self.drawn_constraints = self._new_drawn_constraints(session)
         self.comparing = False
@@ -230,6 +230,11 @@ class Editor:
                 self._settings_failed = True
         else:
             self._settings_failed = False
+
+    @property
+    def edited_instead(self) -> str:
+        """What is edited in place of the session, for the status bar; otherwise ""."""
+        return self.features.edited_instead
 
     @property
     def is_modal(self) -> bool:

@@ -42,6 +42,11 @@ class Feature:
         return ""
 
     @property
+    def edited_instead(self) -> str:
+        """What the window edits in place of the session, for the status bar, or ""."""
+        return ""
+
+    @property
     def is_modal(self) -> bool:
         """True if a dialog of the feature blocks the view."""
         return False
@@ -171,6 +176,11 @@ class Features:
     def hint(self) -> str:
         """Hint of the feature that uses the mouse, or ""."""
         return next((feature.hint for feature in self._features if feature.hint), "")
+
+    @property
+    def edited_instead(self) -> str:
+        """What the window edits in place of the session, or ""."""
+        return next((feature.edited_instead for feature in self._features if feature.edited_instead), "")
 
     @property
     def is_modal(self) -> bool:

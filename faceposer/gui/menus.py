@@ -32,7 +32,7 @@ def _tool_actions(context: Shell, do: Commands, idle: Callable[[], bool]) -> lis
         return lambda: context.toolbox.chosen.name == name
 
     def usable(tool: PosingTool) -> Callable[[], bool]:
-        return lambda: idle() and tool.usable(context.session.model.character)
+        return lambda: idle() and tool.usable(context.session.model.character) and not tool.held(context.session)
 
     tools = [
         Action(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from faceposer.errors import FacePoserError, MissingCharacterError, NoSessionError
 from faceposer.files import paths
+from faceposer.files.key_places import check_not_key
 from faceposer.gui.actions import Action
 from faceposer.gui.context import EditorContext
 from faceposer.gui.missing_character import ask_for_character
@@ -326,6 +327,7 @@ class SessionFiles:
         try:
             session.wait()
             contact, materials = session.document.contact, context.settings.materials
+            check_not_key(path)
             write_posed_obj(path, session.model, session.coefficients, contact, materials)
         except FacePoserError as error:
             context.dialogs.report("The mesh was not saved", str(error))

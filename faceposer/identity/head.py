@@ -1,6 +1,6 @@
 """Heads: everything that a character needs, carried from a shipped head to the skin of another one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from faceposer.errors import FacePoserError
+from faceposer.identity.anatomy.cavity import Drawn
 from faceposer.identity.anatomy.eyeballs import ball_of
 from faceposer.identity.anatomy.eyes import Ball, EyeFit
 from faceposer.identity.anatomy.lashes import lash_length, lash_strips
@@ -35,12 +36,16 @@ class Head:
         maps: Linear maps from the reference to this head at the skin's vertices, shape (n, 3, 3).
         balls: Eyeballs by side.
         mouth: Place of the inside of the mouth.
+        lining: Lining of the mouth as it was drawn in to stay inside the skin.
+        throat: Throat, likewise.
     """
 
     vertices: Floats
     maps: Floats
     balls: dict[str, Ball]
     mouth: Place
+    lining: Drawn
+    throat: Drawn
 
 
 class HeadMaker:
@@ -80,6 +85,8 @@ class HeadMaker:
         smiles = [names.index(f"mouthSmile{side}") for side in ("Left", "Right")]
         smile = reference.shapes[smiles, : self.n_skin].astype(np.float64).sum(axis=0)
         self.lips = MouthFit(template, rest, outside, opening, smile)
+        self._lining = self.lips.cavity.part(rest[self.lips.cavity.ids])
+        self._throat = self.lips.cavity.part(vertices[self._ids("throat")])
         self._lining_losses = self.lips.lining.losses(rest, reference.shapes[:, : self.n_skin].astype(np.float64))
         forward = np.linalg.norm(reference.shapes[names.index("jawForward")], axis=1)
         lower = reference.part("teeth_lower").vertices[0]
@@ -105,6 +112,10 @@ class HeadMaker:
             vertices = eye.fit_lids(vertices, balls[side])
         maps = (self._template.fine.split @ self._maps(vertices).reshape(-1, 9)).reshape(-1, 3, 3)
         mouth = self.lips.place(vertices, maps)
+        cavity, throat = self.lips.cavity, self._ids("throat")
+        middles = self.lips.carry(cavity.middles, replace(mouth, rise=0.0))
+        lining = cavity.drawn(self._lining, vertices[cavity.ids], vertices, middles, mouth.scale)
+        vertices[cavity.ids] = lining.points
         everything = self.reference.vertices.astype(np.float64)
         everything[: self.n_skin] = vertices
         for side, ball in balls.items():
@@ -113,7 +124,9 @@ class HeadMaker:
         for name in _MOUTH_PARTS:
             ids = self._ids(name)
             everything[ids] = self.lips.carry(everything[ids], mouth)
-        return Head(everything, maps, balls, mouth)
+        drawn_throat = cavity.drawn(self._throat, everything[throat], vertices, middles, mouth.scale)
+        everything[throat] = drawn_throat.points
+        return Head(everything, maps, balls, mouth, lining, drawn_throat)
 
     def shapes(self, head: Head) -> Floats:
         """Return the offsets of the reference's shapes on ``head``, whose lashes get their places, shape (S, N, 3)."""
@@ -124,6 +137,7 @@ class HeadMaker:
         opening = self.lips.opening(skin, head.maps, head.mouth)
         carried[self._close] += self.lips.closing[:, None] * (carried[self._open] - opening)
         carried[self._open] = opening
+        carried[:, self.lips.cavity.ids] = head.lining.following(carried[:, self.lips.cavity.ids], carried)
         carried = self.lips.lining.losing_less(skin, carried, head.mouth.scale * self._lining_losses)
         carried[self._close] = self.lips.lining.behind(skin, carried[self._open], carried[self._close])
         for side, eye in self._eyes.items():
@@ -137,6 +151,8 @@ class HeadMaker:
             of_reference = given[self._open, ids].astype(np.float64)
             points = self.reference.vertices[ids].astype(np.float64)
             result[self._open, ids] = self.lips.carry_opening(points, of_reference, self._jaw_share[ids], head.mouth)
+        throat = self._ids("throat")
+        result[:, throat] = head.throat.following(result[:, throat], carried)
         for side, eye in self._eyes.items():
             ball = head.balls[side]
             length = self._lash_lengths[side] * ball.radius / eye.ball.radius

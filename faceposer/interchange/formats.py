@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_output
+from faceposer.files.key_places import check_not_key
 from faceposer.files.writing import check_finite
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
@@ -182,6 +183,7 @@ def write_steps(output: Output) -> Generator[float, None, None]:
         remedy = "choose a frame, or write a .gif" if form.drawn else "write a sequence of files instead"
         verb = "shows" if form.drawn else "holds"
         raise FacePoserError(f"'{output.path}' {verb} one pose, not {len(output.motion)}; {remedy}.")
+    check_not_key(output.path)
     _check_options(form, output.options)
     _check_motion(output, "file")
     yield from form.write(output)

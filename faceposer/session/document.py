@@ -15,6 +15,7 @@ from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError, counted
 from faceposer.files.atomic import write_text
 from faceposer.files.json_documents import check_header, convert, read_json
+from faceposer.files.key_places import check_not_key
 from faceposer.files.paths import expand_user
 from faceposer.files.writing import json_text
 from faceposer.geometry.camera import Camera
@@ -369,8 +370,9 @@ def write_document(path: Path, document: Document) -> str:
         The text of the file.
 
     Raises:
-        FacePoserError: If the file cannot be written, or could not be opened again.
+        FacePoserError: If the file cannot be written, could not be opened again, or is among key poses.
     """
+    check_not_key(path)
     text = json_text(path, document.to_json(), "session")
     text = _NUMBERS.sub(lambda found: f"[{', '.join(found[1].replace(',', ' ').split())}]", text) + "\n"
     try:

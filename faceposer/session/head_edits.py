@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.errors import FacePoserError
 from faceposer.identity.identity import Identity
 from faceposer.model.face_model import FaceModel
 from faceposer.session.document import Document
@@ -49,6 +50,7 @@ class _Edited(Protocol):
 
     base_model: FaceModel
     preview: Preview | None
+    head_held: str
     revision: int
 
     @property
@@ -70,18 +72,22 @@ class HeadEdits:
 
     Attributes:
         preview: The head shown during a gesture, before it is set, or None.
+        head_held: Why the head cannot be changed at present, one sentence, or "".
     """
 
     preview: Preview | None = None
+    head_held: str = ""
 
     def preview_identity(self: _Edited, identity: Identity | None) -> None:
         """Show the head ``identity`` in the present pose, approximately, until it is set; None ends the preview.
 
         Raises:
-            FacePoserError: As ``head_model``.
+            FacePoserError: As ``head_model``, or if the head is held.
         """
         if identity is None and self.preview is None:
             return
+        if identity is not None and self.head_held:
+            raise FacePoserError(self.head_held)
         self.preview = None
         if identity is not None:
             from faceposer.identity.editing import head_editor
@@ -98,8 +104,10 @@ class HeadEdits:
         earlier head.
 
         Raises:
-            FacePoserError: As ``head_model``.
+            FacePoserError: As ``head_model``, or if the head is held.
         """
+        if self.head_held:
+            raise FacePoserError(self.head_held)
         head_model(self.base_model, identity)
         self.preview = None
         pose = self.coefficients

@@ -29,6 +29,7 @@ from faceposer.session.key_folder import (
     count_with_neutral,
     delete_keys,
 )
+from faceposer.session.key_kinds import check_kinds
 from faceposer.transfer.examples import MOST_KEYS
 from faceposer.transfer.key_models import Importance, Meeting, composed, importance, smoothed
 from faceposer.transfer.keyed_model import check_size
@@ -126,6 +127,7 @@ def compose_keys(folder: KeyFolder, meeting: Meeting = "smooth", progress: Progr
         FacePoserError: If there are no keys of a kind, or too many combinations, or a file cannot be used.
     """
     progress = progress or Progress()
+    check_kinds(folder)
     kinds = folder.kinds()
     listed = {entry.name: entry for entry in folder.pairs()}
     entries = [entry for entry in listed.values() if kinds.get(entry.name) in (EXPRESSION, VISEME)]

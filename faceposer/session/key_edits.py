@@ -17,12 +17,12 @@ from faceposer.poses.pose_file import Pose, write_pose
 from faceposer.poses.pose_file import read_pose as read_pose_file
 from faceposer.progress import Progress
 from faceposer.session.file_kinds import kind_of
-from faceposer.session.key_files import character_of, key_displacements, read_key
+from faceposer.session.key_files import character_of, key_displacements, load_side, read_key
 from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, KeyTakenError, Side, checked_key_name
 from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
-from faceposer.session.keys import load_keys
-from faceposer.session.opening import load_model, open_session
-from faceposer.transfer.examples import same_expression
+from faceposer.session.keys import check_points, load_keys
+from faceposer.session.opening import open_session
+from faceposer.transfer.examples import NEUTRAL, same_expression
 from faceposer.transfer.key_coverage import HelpfulFrame, chosen_frames
 from faceposer.transfer.source_heads import is_same_rig
 
@@ -52,22 +52,23 @@ def add_key(
     Raises:
         FacePoserError: If a file cannot be used, or the name is taken.
     """
-    model = load_model(folder.character("source"))
+    model = load_side(folder, "source")
+    check_points(folder, model.character)
     checked = checked_key_name(name)
     _check_free(folder, checked, replaces)
     pose, note = _pose_in(source, model, checked, frame)
-    _check_new(folder, model, pose)
+    _check_new(folder, safe_stem(pose.name), applied(model, model.neutral(), pose))
     if target is None:
         if folder.is_mesh:
             raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give --target FILE.")
-        other = load_model(folder.character("target"))
+        other = load_side(folder, "target")
         return folder.add(pose, proposed(model, other, make_proposer(model, other, proposal), pose), replaces), note
     if target.suffix.lower() in POSED_MESH_SUFFIXES:
         key_displacements(target, character_of(folder, "target")[0])
         return folder.add(pose, target, replaces), note
     if folder.is_mesh:
         raise FacePoserError(f"The target of '{folder.folder}' is a mesh without shapes; give a mesh, not '{target}'.")
-    answer, _ = _pose_in(target, load_model(folder.character("target")), pose.name, 0)
+    answer, _ = _pose_in(target, load_side(folder, "target"), pose.name, 0)
     return folder.add(pose, answer, replaces), note
 
 
@@ -78,21 +79,19 @@ def _check_free(folder: KeyFolder, name: str, replaces: bool) -> None:
         raise KeyTakenError(folder.folder, stem)
 
 
-def _check_new(folder: KeyFolder, model: FaceModel, pose: Pose) -> None:
-    """Check that no other key, nor the neutral face, is the same expression of the source."""
-    own, coefficients = safe_stem(pose.name), applied(model, model.neutral(), pose)
+def _check_new(folder: KeyFolder, own: str, coefficients: Array) -> None:
+    """Check that no key besides ``own``, nor the neutral face, is an expression of the source, shape (r,)."""
+    model = load_side(folder, "source")
     others = {entry.name: entry.source for entry in folder.entries() if entry.source is not None and entry.name != own}
-    known = {"neutral": model.neutral()} if "neutral" not in (own, *others) else {}
+    known = {"": model.neutral()} if not any(name.casefold() == NEUTRAL for name in (own, *others)) else {}
     for name, path in others.items():
         # What cannot be read is told by the check of the folder.
         with suppress(FacePoserError):
             known[name] = read_key(path, model).coefficients
     same = next((name for name, key in known.items() if same_expression(model, key, coefficients, folder.points)), None)
     if same is not None:
-        raise FacePoserError(
-            f"The key '{pose.name}' is the same expression of the source as '{same}' at all feature points; give "
-            "another pose."
-        )
+        what = f"the same expression of the source as '{same}'" if same else "the neutral face of the source"
+        raise FacePoserError(f"The key '{own}' is {what} at all feature points; give another pose.")
 
 
 def add_key_pose(
@@ -103,12 +102,15 @@ def add_key_pose(
     A target that is a mesh without shapes gets no proposal: its key is left to the artist.
 
     Raises:
-        FacePoserError: If the name is taken and ``replaces`` is False, or a file cannot be written.
+        FacePoserError: If the name is taken and ``replaces`` is False, another key is this expression, or a file cannot
+            be written.
     """
     _check_free(folder, checked_key_name(pose.name), replaces)
+    model = load_side(folder, "source")
+    _check_new(folder, safe_stem(pose.name), applied(model, model.neutral(), pose))
     answer = None
     if not folder.is_mesh:
-        model, target = load_model(folder.character("source")), load_model(folder.character("target"))
+        target = load_side(folder, "target")
         (progress or Progress()).at("Proposing the target's pose")
         answer = proposed(model, target, make_proposer(model, target, proposal), pose)
         (progress or Progress()).check()
@@ -125,7 +127,7 @@ def propose_again(folder: KeyFolder, name: str, proposal: Proposal = "auto") -> 
     if not paths.is_file(source):
         raise FacePoserError(f"The key '{name}' has no source in '{source.parent}'; save a pose there first.")
     path = _editable(folder, name, "target")
-    model, target = load_model(folder.character("source")), load_model(folder.character("target"))
+    model, target = load_side(folder, "source"), load_side(folder, "target")
     pose = read_pose_file(source)
     write_pose(path, proposed(model, target, make_proposer(model, target, proposal), pose))
 
@@ -143,13 +145,17 @@ def save_key(folder: KeyFolder, name: str, side: Side, model: FaceModel, coeffic
         coefficients: The pose, shape (r,).
 
     Raises:
-        FacePoserError: If the key is missing or a mesh, or the file cannot be written.
+        FacePoserError: If the key is missing or a mesh, another key is this expression, or the file cannot be written.
     """
     path = _editable(folder, name, side)
     old = _present_pose(folder, name, side)
     kept = tuple(tag for tag in old.tags if tag not in (PROPOSED, COMPOSED))
     note = "" if PROPOSED in old.tags else old.note
-    write_pose(path, replace(pose_of(model, coefficients, old.name, kept), note=note))
+    new = replace(pose_of(model, coefficients, old.name, kept), note=note)
+    if side == "source":
+        own = load_side(folder, "source")
+        _check_new(folder, name, applied(own, own.neutral(), new))
+    write_pose(path, new)
 
 
 def _present_pose(folder: KeyFolder, name: str, side: Side) -> Pose:
@@ -216,7 +222,8 @@ def choose_keys(
             "by one."
         )
     folder.check_room(count)
-    model, target = load_model(folder.character("source")), load_model(folder.character("target"))
+    model, target = load_side(folder, "source"), load_side(folder, "target")
+    check_points(folder, model.character)
     # Readers of all formats are not needed by the window's start.
     from faceposer.interchange.reading import read_performance
 

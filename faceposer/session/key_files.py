@@ -14,7 +14,7 @@ from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied
 from faceposer.poses.pose_file import read_pose
-from faceposer.session.key_folder import KeyFolder, Side
+from faceposer.session.key_folder import DESCRIPTION, KeyFolder, Side
 from faceposer.session.opening import load_model
 from faceposer.transfer.keyed_model import character_of_mesh
 
@@ -142,7 +142,31 @@ def character_of(folder: KeyFolder, side: Side) -> tuple[Character, FaceModel | 
         FacePoserError: If it cannot be loaded.
     """
     if side == "target" and folder.is_mesh:
-        path = Path(folder.character("target"))
-        return character_of_mesh(read_mesh(path), path.stem), None
-    model = load_model(folder.character(side))
+        return neutral_of(Path(folder.character("target"))), None
+    model = load_side(folder, side)
     return model.character, model
+
+
+def neutral_of(path: Path) -> Character:
+    """Return the character without shapes whose neutral mesh is in ``path``.
+
+    Raises:
+        FacePoserError: If the file cannot be read, or its mesh cannot be a face; the message names it.
+    """
+    mesh = read_mesh(path)
+    try:
+        return character_of_mesh(mesh, path.stem)
+    except FacePoserError as error:
+        raise FacePoserError(f"'{path}' cannot be the target of key poses: {error}") from error
+
+
+def load_side(folder: KeyFolder, side: Side) -> FaceModel:
+    """Return the face model of a character with shapes in the keys of ``folder``.
+
+    Raises:
+        FacePoserError: If it cannot be loaded; the message names the description of the folder.
+    """
+    try:
+        return load_model(folder.character(side))
+    except FacePoserError as error:
+        raise FacePoserError(f"'{folder.folder / DESCRIPTION}': {side}: {error}") from error

@@ -8,15 +8,15 @@ import os
 import re
 import shutil
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from msgspec import Meta
 
-from faceposer.errors import FacePoserError
-from faceposer.files import paths
+from faceposer.errors import FacePoserError, counted
+from faceposer.files import key_places, paths
 from faceposer.files.atomic import atomic_files
 from faceposer.files.json_documents import JsonDocument, check_header, convert, read_json
 from faceposer.files.writing import write_json
@@ -25,13 +25,13 @@ from faceposer.poses.library import safe_stem
 from faceposer.poses.pose_file import Pose, checked_name, pose_text, read_pose
 from faceposer.session.document import absolute_character, path_from, portable_character
 from faceposer.transfer.examples import MOST_KEYS, NEUTRAL
-from faceposer.transfer.key_parameters import Regions
+from faceposer.transfer.key_parameters import FEWEST_POINTS, Regions
 
 FORMAT, VERSION = "faceposer.keys", 1
 #: Name of the file that describes a folder of keys.
-DESCRIPTION = "keys.json"
-Side = Literal["source", "target"]
-SIDES: tuple[Side, Side] = ("source", "target")
+DESCRIPTION = key_places.DESCRIPTION
+Side = key_places.Side
+SIDES = key_places.SIDES
 #: Suffixes of key poses.
 SUFFIXES = (".json", *POSED_MESH_SUFFIXES)
 #: Tags of poses: emotional and verbal keys, which are composed to others, and those.
@@ -117,8 +117,10 @@ class KeyFolder:
         """
         path = folder / DESCRIPTION
         if not paths.is_file(path):
+            if not paths.exists(folder):
+                raise FacePoserError(f"There is no folder '{folder}'; choose or create another folder of key poses.")
             raise FacePoserError(
-                f"'{folder}' is not a folder of keys: it has no '{DESCRIPTION}'; create one with keys init."
+                f"'{folder}' is not a folder of keys: it has no '{DESCRIPTION}'; choose or create another one."
             )
         return read_json(path, "keys", lambda data: cls.from_json(folder, data))
 
@@ -131,6 +133,15 @@ class KeyFolder:
         """
         check_header(data, FORMAT, VERSION)
         form = convert(data, _KeysFile)
+        both = sorted({*form.expressions} & {*form.visemes})
+        if both:
+            raise FacePoserError(f"expressions and visemes both name '{both[0]}'; leave it in one of them.")
+        points = form.points
+        if points is not None and len({*points}) < FEWEST_POINTS:
+            raise FacePoserError(
+                f"points names {counted(len({*points}), 'feature point')}, but cloning needs at least {FEWEST_POINTS}; "
+                "add others, or remove points to use all of the source."
+            )
         return cls(
             folder,
             form.source,
@@ -160,7 +171,9 @@ class KeyFolder:
             for side in SIDES:
                 (self.folder / side).mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise FacePoserError(f"The folder '{self.folder}' cannot be created: {error.strerror}.") from error
+            raise FacePoserError(
+                f"The folder '{self.folder}' cannot be created: {error.strerror}; choose another one."
+            ) from error
         write_json(self.folder / DESCRIPTION, data, "description of the keys", ascii_only=False)
 
     def character(self, side: Side) -> str:
@@ -239,20 +252,35 @@ class KeyFolder:
         """
         entries = self.entries()
         for entry in entries:
-            for side in SIDES:
-                if getattr(entry, side) is None:
-                    raise FacePoserError(
-                        f"The key '{entry.name}' has no {side} in '{self.folder / side}'; add a pose or a mesh with "
-                        f"this name there, such as '{entry.name}.json', or remove the key."
-                    )
+            self.complete(entry)
         return entries
+
+    def complete(self, entry: KeyFiles) -> tuple[Path, Path]:
+        """Return the files of both sides of a key.
+
+        Raises:
+            FacePoserError: If it lacks one.
+        """
+        for side in SIDES:
+            if getattr(entry, side) is None:
+                suffix = "obj" if side == "target" and self.is_mesh else "json"
+                raise FacePoserError(
+                    f"The key '{entry.name}' has no {side} in '{self.folder / side}'; add a pose or a mesh with "
+                    f"this name there, such as '{entry.name}.{suffix}', or remove the key."
+                )
+        assert entry.source is not None
+        assert entry.target is not None
+        return entry.source, entry.target
 
     def _files(self, side: Side) -> dict[str, Path]:
         folder = self.folder / side
         try:
             files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.name[0] != ".")
         except OSError as error:
-            raise FacePoserError(f"The folder '{folder}' of the keys cannot be listed: {error.strerror}.") from error
+            raise FacePoserError(
+                f"The folder '{folder}' of the keys cannot be listed: {error.strerror}; put it back, or choose another "
+                "folder of key poses."
+            ) from error
         found: dict[str, Path] = {}
         for path in files:
             if path.stem in found:
@@ -335,6 +363,11 @@ class KeyFolder:
             help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
             raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
         delete_keys(path for path in (entry.source, entry.target) if path is not None)
+        if name in (*self.expressions, *self.visemes):
+            expressions, visemes = (
+                tuple(other for other in names if other != name) for names in (self.expressions, self.visemes)
+            )
+            replace(self, expressions=expressions, visemes=visemes).write()
 
 
 def count_with_neutral(names: Collection[str]) -> int:
@@ -352,7 +385,9 @@ def delete_keys(files: Iterable[Path]) -> None:
         try:
             path.unlink()
         except OSError as error:
-            raise FacePoserError(f"The key '{path}' cannot be deleted: {error.strerror}.") from error
+            raise FacePoserError(
+                f"The key '{path}' cannot be deleted: {error.strerror}; allow changes of its folder."
+            ) from error
 
 
 def portable_target(target: str, folder: Path) -> str:

@@ -1,10 +1,11 @@
 """Kinds of key poses: which ones are emotional or verbal, and so combined with one another."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 from faceposer.errors import FacePoserError
 from faceposer.poses.pose_file import read_pose, write_pose
-from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFolder
+from faceposer.session.key_folder import COMPOSED, DESCRIPTION, EXPRESSION, VISEME, KeyFolder
 
 _KINDS = frozenset((EXPRESSION, VISEME, COMPOSED))
 
@@ -38,3 +39,33 @@ def set_kind(folder: KeyFolder, name: str, kind: str) -> None:
     )
     if changed != folder:
         changed.write()
+
+
+def check_kinds(folder: KeyFolder) -> None:
+    """Check that each key is of one kind at most, and that keys with a kind exist.
+
+    Raises:
+        FacePoserError: If they do not; the message names the file.
+    """
+    entries = folder.entries()
+    names = {entry.name for entry in entries}
+    for label, listed in (("expressions", folder.expressions), ("visemes", folder.visemes)):
+        missing = next((name for name in listed if name not in names), None)
+        if missing is not None:
+            raise FacePoserError(
+                f"'{folder.folder / DESCRIPTION}': {label} names '{missing}', but there is no such key; remove the "
+                "name, or add the key."
+            )
+    for entry in entries:
+        found = {EXPRESSION} if entry.name in folder.expressions else set[str]()
+        found |= {VISEME} if entry.name in folder.visemes else set()
+        for path in (entry.source, entry.target):
+            if path is not None and path.suffix.lower() == ".json":
+                # What cannot be read is told by the check of the keys.
+                with suppress(FacePoserError):
+                    found.update(read_pose(path).tags)
+        if COMPOSED not in found and {EXPRESSION, VISEME} <= found:
+            raise FacePoserError(
+                f"The key '{entry.name}' in '{folder.folder}' is an '{EXPRESSION}' and a '{VISEME}' by its tags and "
+                f"'{DESCRIPTION}'; leave one of them."
+            )

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import atomic_folder
+from faceposer.files.paths import expand_user
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of, weights_on
 from faceposer.poses.library import Entry, PoseLibrary, safe_stem, starter_poses
 from faceposer.poses.pose_file import Pose
 from faceposer.progress import Progress
+from faceposer.session.key_files import neutral_of
 from faceposer.session.key_folder import COMPOSED, KeyFolder, count_with_neutral, portable_target
 from faceposer.session.opening import load_model
 from faceposer.transfer.examples import MOST_KEYS
@@ -57,9 +59,13 @@ def create_keys(
         progress: Receives the progress.
 
     Raises:
-        FacePoserError: If there are no poses for the source, or the folder cannot be written.
+        FacePoserError: If the target's mesh cannot be used, there are no poses for the source, or the folder cannot be
+            written.
     """
     progress = progress or Progress()
+    is_mesh = Path(target).suffix.lower() in POSED_MESH_SUFFIXES
+    if is_mesh:
+        neutral_of(expand_user(target))
     face = load_model(source)
     entries = PoseLibrary(poses).entries() if poses is not None else starter_poses()
     known = [entry.pose for entry in entries if entry.pose is not None]
@@ -71,7 +77,6 @@ def create_keys(
         raise FacePoserError(f"There are no poses for the character '{source}' {where}; save poses, and use --poses.")
     _check_names(usable)
     chosen = [entry.pose for entry in usable if entry.pose is not None]
-    is_mesh = Path(target).suffix.lower() in POSED_MESH_SUFFIXES
     other = None if is_mesh else load_model(target)
     with atomic_folder(folder) as temporary:
         keys = KeyFolder(temporary, portable_target(source, folder), portable_target(target, folder), regions=regions)

@@ -12,11 +12,10 @@ from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
-from faceposer.session.key_files import KeyReader
+from faceposer.session.key_files import KeyReader, load_side
 from faceposer.session.key_folder import DESCRIPTION, SIDES, KeyFiles, KeyFolder, Side
 from faceposer.session.key_proposals import PROPOSED
 from faceposer.session.keys import load_keys
-from faceposer.session.opening import load_model
 from faceposer.transfer.examples import ExampleTransfer
 from faceposer.transfer.source_heads import is_same_rig, on_character
 
@@ -35,7 +34,7 @@ class ListedKey:
         kind: "expression", "viseme", "composed" or "".
         poses: Coefficients on the source and on the target, None for a side that is missing or cannot be read.
         proposed: True if the target's pose was proposed and not yet edited.
-        problem: Why a side cannot be used, one sentence, or "".
+        problem: Why the key is left out of the clone, one sentence, or "".
     """
 
     files: KeyFiles
@@ -73,6 +72,11 @@ class KeySet:
     problem: str = ""
     notes: str = ""
     reader: KeyReader = field(default_factory=KeyReader, repr=False)
+
+    @property
+    def left_out(self) -> list[ListedKey]:
+        """The keys that are left out of the clone."""
+        return [key for key in self.keys if key.problem]
 
     def key(self, name: str) -> ListedKey | None:
         """Return the key with this name, if there is one."""
@@ -144,8 +148,8 @@ def read_key_set(path: Path, progress: Progress | None = None, last: KeySet | No
     folder = KeyFolder.read(path)
     reader = KeyReader(None if last is None else last.reader)
     progress.at("Reading keys")
-    source = load_model(folder.character("source"))
-    target = None if folder.is_mesh else load_model(folder.character("target"))
+    source = load_side(folder, "source")
+    target = None if folder.is_mesh else load_side(folder, "target")
     loaded, problem, notes = None, "", ""
     try:
         # Results are poses of the target's own shapes, which a session can hold.
@@ -153,6 +157,7 @@ def read_key_set(path: Path, progress: Progress | None = None, last: KeySet | No
         source, target, notes = loaded.transfer.source, loaded.transfer.target, loaded.notes
     except FacePoserError as error:
         problem = str(error)
+    left_out = {} if loaded is None else loaded.left_out
     known: dict[str, Array] = {}
     if loaded is not None and folder.is_mesh:
         known = {pair.name: pair.target for pair in (loaded.transfer.base, *loaded.transfer.pairs)}
@@ -160,7 +165,8 @@ def read_key_set(path: Path, progress: Progress | None = None, last: KeySet | No
     models: dict[Side, FaceModel | None] = {"source": source, "target": target}
     for entry in folder.entries():
         progress.check()
-        keys.append(_listed(entry, folder, models, known, reader))
+        before = None if last is None or last.folder.folder != folder.folder else last.key(entry.name)
+        keys.append(_listed(entry, folder, models, known, reader, left_out.get(entry.name, ""), before))
     reader.forget_rest()
     transfer = None if loaded is None else loaded.transfer
     return KeySet(folder, models, tuple(keys), transfer, problem, notes, reader)
@@ -172,14 +178,30 @@ def _listed(
     models: dict[Side, FaceModel | None],
     known: dict[str, Array],
     reader: KeyReader,
+    reason: str,
+    before: ListedKey | None,
 ) -> ListedKey:
-    """Return a key; ``known`` has the poses of the target without shapes by name."""
+    """Return a key.
+
+    Args:
+        files: Its files.
+        folder: The folder.
+        models: The faces of both sides.
+        known: Poses of the target without shapes by name.
+        reader: Reads the files.
+        reason: Why the key is left out, if it is known.
+        before: The key as it was before; of files that cannot be read now, title and kind are those of then.
+    """
     poses: dict[Side, Array | None] = {"source": None, "target": None}
     title, tags, proposed, problem = files.name, set[str](), False, ""
+    unread = False
+    try:
+        folder.complete(files)
+    except FacePoserError as error:
+        problem = str(error)
     for side in SIDES:
         path, model = (files.source if side == "source" else files.target), models[side]
         if path is None:
-            problem = problem or f"The key has no {side}."
             continue
         if model is None or (side == "target" and folder.is_mesh):
             poses[side] = known.get(files.name)
@@ -191,5 +213,8 @@ def _listed(
             tags.update(key.tags)
             proposed = proposed or (side == "target" and PROPOSED in key.tags)
         except FacePoserError as error:
-            problem = problem or str(error)
-    return ListedKey(files, title, folder.kind_of(files.name, tags), poses, proposed, problem)
+            problem, unread = problem or str(error), True
+    kind = folder.kind_of(files.name, tags)
+    if unread and before is not None:
+        title, kind = (before.title if title == files.name else title), kind or before.kind
+    return ListedKey(files, title, kind, poses, proposed, reason or problem)

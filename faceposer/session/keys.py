@@ -1,7 +1,8 @@
 """Transfer by the key poses of a folder."""
 
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -13,9 +14,10 @@ from faceposer.files import paths
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
-from faceposer.session.key_files import KeyReader, character_of, key_displacements
+from faceposer.session.key_files import KeyReader, character_of, key_displacements, load_side
 from faceposer.session.key_folder import DESCRIPTION, KeyFiles, KeyFolder
 from faceposer.session.opening import load_model
+from faceposer.session.usable_keys import UsableKeys, usable_keys
 from faceposer.transfer.examples import ExampleTransfer, KeyPair
 from faceposer.transfer.key_parameters import Regions
 from faceposer.transfer.keyed_model import check_size, keyed_model
@@ -37,17 +39,29 @@ class LoadedKeys:
         transfer: The transfer.
         has_own_shapes: True if results are poses of the target's own shapes, False if they are blends of meshes.
         notes: Remarks for the user on meshes that the shapes do not reach, or "".
+        left_out: Why keys of the folder are left out, one sentence each, by name.
     """
 
     transfer: ExampleTransfer
     has_own_shapes: bool
     notes: str = ""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def remarks(self) -> str:
+        """The notes, and how many keys are left out, with the first reason."""
+        said = [self.notes] if self.notes else []
+        if self.left_out:
+            said.append(f"{counted(len(self.left_out), 'key')} left out. {next(iter(self.left_out.values()))}")
+        return " ".join(said)
 
 
 def load_keys(
     folder: KeyFolder, form: Form = "auto", regions: Regions | None = None, reader: KeyReader | None = None
 ) -> LoadedKeys:
     """Return the transfer by the keys in ``folder``, from its source as it is; see ``HeadTransfer`` for other heads.
+
+    Keys that cannot be used are left out.
 
     Args:
         folder: The folder.
@@ -57,20 +71,18 @@ def load_keys(
         reader: Reader that may have read some of the keys.
 
     Raises:
-        FacePoserError: If a file is missing or wrong; the message names it.
+        FacePoserError: If a character is missing or wrong, or no key can be used; the message names the file.
     """
-    source = load_model(folder.character("source"))
-    _check_points(folder, source.character)
+    source = load_side(folder, "source")
+    check_points(folder, source.character)
     reader = reader or KeyReader()
-    files = folder.pairs()
-    if not files:
-        raise FacePoserError(f"'{folder.folder}' has no keys; add a pair of poses.")
-    sources = [reader.read(_path(entry.source), source).coefficients for entry in files]
-    rest, target, own, errors = _targets(folder, files, form, reader)
+    character, model = character_of(folder, "target")
+    usable = usable_keys(folder, source, character, model, reader)
+    rest, target, own, errors = _targets(folder, usable, character, model, form, reader)
     transfer = ExampleTransfer(
         source,
         target,
-        [KeyPair(entry.name, key, pose) for entry, key, pose in zip(files, sources, rest, strict=True)],
+        [KeyPair(entry.name, key, pose) for entry, key, pose in zip(usable.files, usable.sources, rest, strict=True)],
         folder.points,
         regions or folder.regions,
         folder.threshold,
@@ -82,7 +94,7 @@ def load_keys(
             f"{counted(len(errors), 'key')} of the target cannot be reached by its shapes; the error is up to "
             f"{10.0 * errors[worst]:.1f} mm, in '{worst}'."
         )
-    return LoadedKeys(transfer, own, note)
+    return LoadedKeys(transfer, own, note, usable.left_out)
 
 
 def _path(path: Path | None) -> Path:
@@ -90,7 +102,12 @@ def _path(path: Path | None) -> Path:
     return path
 
 
-def _check_points(folder: KeyFolder, source: Character) -> None:
+def check_points(folder: KeyFolder, source: Character) -> None:
+    """Check that the ``source`` has the feature points that the description of the keys names.
+
+    Raises:
+        FacePoserError: If it lacks one.
+    """
     unknown = [name for name in folder.points or () if name not in source.feature_points]
     if unknown:
         raise FacePoserError(
@@ -100,15 +117,21 @@ def _check_points(folder: KeyFolder, source: Character) -> None:
 
 
 def _targets(
-    folder: KeyFolder, files: list[KeyFiles], form: Form, reader: KeyReader
+    folder: KeyFolder,
+    usable: UsableKeys,
+    character: Character,
+    model: FaceModel | None,
+    form: Form,
+    reader: KeyReader,
 ) -> tuple[list[Array], FaceModel, bool, dict[str, float]]:
     """Return the target's coefficients in each key, its model, and the errors of keys that its shapes do not reach.
 
     The third value is True if the model has the target's own shapes.
     """
-    character, model = character_of(folder, "target")
+    files = usable.files
     if model is None:
-        return *_meshes(character, None, files, folder.character("target"), reader), False, {}
+        displacements = [usable.displacements[entry.name] for entry in files]
+        return *_meshes(character, displacements, files, folder.character("target")), False, {}
     errors: dict[str, float] = {}
     found: list[Array] = []
     for entry in files:
@@ -119,27 +142,24 @@ def _targets(
         if key.error > _EXACT:
             errors[entry.name] = key.error
     if form == "meshes" or (form == "auto" and errors):
-        return *_meshes(character, model, files, f"character {character.label}", reader), False, {}
+        check_size(len(files), len(character.vertices))
+        displacements = [_displacements(_path(entry.target), model, reader) for entry in files]
+        return *_meshes(character, displacements, files, f"character {character.label}"), False, {}
     return found, model, True, errors
 
 
+def _displacements(path: Path, model: FaceModel, reader: KeyReader) -> Array:
+    """Return the displacements of the target's vertices in a key, shape (N, 3)."""
+    if path.suffix.lower() != ".json":
+        return key_displacements(path, model.character)
+    moved = model.instance(reader.read(path, model).coefficients) - model.character.vertices
+    return moved.astype(np.float64)
+
+
 def _meshes(
-    character: Character, model: FaceModel | None, files: list[KeyFiles], what: str, reader: KeyReader
+    character: Character, displacements: list[Array], files: list[KeyFiles], what: str
 ) -> tuple[list[Array], FaceModel]:
     """Return the coefficients of each key in a model whose shapes are the keys, and this model."""
-    check_size(len(files), len(character.vertices))
-    displacements = []
-    for entry in files:
-        path = _path(entry.target)
-        if path.suffix.lower() != ".json":
-            displacements.append(key_displacements(path, character))
-        elif model is not None:
-            pose = reader.read(path, model).coefficients
-            displacements.append((model.instance(pose) - character.vertices).astype(np.float64))
-        else:
-            raise FacePoserError(
-                f"The key '{path}' is a pose, but the target is a mesh without shapes ('{what}'); give a mesh (.obj)."
-            )
     kept = [
         (entry.name, moved)
         for entry, moved in zip(files, displacements, strict=True)
@@ -158,7 +178,7 @@ def check_characters(folder: KeyFolder, source: FaceModel, target: str) -> None:
     Raises:
         FacePoserError: If they are those of others.
     """
-    expected = load_model(folder.character("source"))
+    expected = load_side(folder, "source")
     if expected.character.name != source.character.name:
         raise FacePoserError(
             f"The keys in '{folder.folder}' are of {expected.character.label}, but the source is "

@@ -7,6 +7,7 @@ import numpy as np
 from faceposer.geometry.picking import SurfacePoint, SurfacePoints
 from faceposer.identity.identity import is_editable
 from faceposer.model.character import Character
+from faceposer.session.session import Session
 from faceposer.tools.tool import Gesture, PointerEvent, PosingTool, ToolContext, ToolSettings
 
 if TYPE_CHECKING:
@@ -43,6 +44,10 @@ class HeadTool(PosingTool):
     def usable(self, character: Character) -> bool:
         """Return True if ``character`` has a head that the morphable model describes."""
         return is_editable(character)
+
+    def held(self, session: Session) -> str:
+        """Return why the head cannot be changed at present."""
+        return session.head_held
 
     def begins(self, event: PointerEvent, context: ToolContext) -> bool:
         """Return True if the press ``event`` hits the face."""
@@ -83,6 +88,9 @@ class HeadTool(PosingTool):
         from faceposer.identity.editing import head_editor
 
         session = context.session
+        if session.head_held:
+            context.notify(session.head_held)
+            return None
         editor = head_editor(session.base_model.character)
         if self.locked >= set(editor.segment_names):
             context.notify("All parts of the head are locked: unlock one in the tab Head")

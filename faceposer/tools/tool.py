@@ -234,6 +234,10 @@ class PosingTool:
         """Return True if the tool applies to ``character``."""
         return True
 
+    def held(self, session: Session) -> str:
+        """Return why the tool cannot be used in ``session`` at present, one sentence, or ""."""
+        return ""
+
     @property
     def can_accept(self) -> bool:
         """True if ``accept`` finishes an edit."""

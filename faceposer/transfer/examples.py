@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
 from faceposer.transfer.key_damping import chosen_damping
 from faceposer.transfer.key_parameters import (
@@ -193,6 +194,37 @@ def least_apart(model: FaceModel, names: Sequence[str]) -> float:
     return float(_SAME * model.character.height * np.sqrt(len(names)))
 
 
+def earlier_same(model: FaceModel, poses: Array, points: Sequence[str] | None = None) -> list[int | None]:
+    """Return for each of the ``poses``, (K, r), the first one before it that is the same expression, or None.
+
+    Args:
+        model: The face.
+        poses: Coefficients of poses.
+        points: Names of its feature points; None for all that move.
+    """
+    names = parameter_points(model.character, points)
+    places, least = poses @ point_rows(model, names).T, least_apart(model, names)
+    found: list[int | None] = []
+    for i, place in enumerate(places):
+        near = np.flatnonzero(~(np.linalg.norm(places[:i] - place, axis=1) > least))
+        found.append(int(near[0]) if len(near) else None)
+    return found
+
+
+def check_motion(name: str, side: str, moved: float, character: Character) -> None:
+    """Check that a key is a face, whose vertices move by up to ``moved``.
+
+    Raises:
+        FacePoserError: If they move too far.
+    """
+    # Comparisons with NaN are False.
+    if not moved < _FARTHEST * character.height:
+        raise FacePoserError(
+            f"The {side} of the key '{name}' is no face: a vertex of {character.label} moves by more than "
+            f"{_FARTHEST:g} times the height of the head; correct its weights."
+        )
+
+
 def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
     for side, coefficients, model in (("source", pair.source, source), ("target", pair.target, target)):
         if coefficients.shape != (model.n_coefficients,):
@@ -200,15 +232,8 @@ def _check_key(pair: KeyPair, source: FaceModel, target: FaceModel) -> None:
                 f"The {side} of the key '{pair.name}' has {coefficients.size} coefficients, but the character "
                 f"{model.character.label} has {model.n_coefficients}; take the key from this character."
             )
-        # Comparisons with NaN are False.
-        if (
-            not np.abs(model.instance(coefficients) - model.character.vertices).max()
-            < _FARTHEST * model.character.height
-        ):
-            raise FacePoserError(
-                f"The {side} of the key '{pair.name}' is no face: a vertex of {model.character.label} moves by more "
-                f"than {_FARTHEST:g} times the height of the head; correct its weights."
-            )
+        moved = float(np.abs(model.instance(coefficients) - model.character.vertices).max())
+        check_motion(pair.name, side, moved, model.character)
 
 
 def _moves(source: FaceModel, sources: Array, names: Sequence[str]) -> bool:

@@ -35,7 +35,8 @@ PAPER_POINTS: tuple[str, ...] = (
 )
 # Points of ears, hairline and skull, which expressions move on few characters: by more than this share of the height.
 _OFTEN_STILL, _MOVED = ("10.", "11."), 0.01
-_FEWEST = 3
+#: Least number of feature points from which expressions are known.
+FEWEST_POINTS = 3
 # Groups of points of the upper face: eyes and brows, ears and hairline; those on the left, as MPEG-4 numbers them.
 _UPPER = ("3", "4", "10", "11")
 _LEFT = frozenset(
@@ -55,7 +56,7 @@ def parameter_points(character: Character, names: Sequence[str] | None = None) -
         chosen = tuple(name for name in known if not name.startswith(_OFTEN_STILL) or _motion(character, name) > least)
     else:
         chosen = tuple(name for name in names if name in known)
-    if len(chosen) < _FEWEST:
+    if len(chosen) < FEWEST_POINTS:
         raise FacePoserError(
             f"The character {character.label} has {len(chosen)} of the feature points that cloning by examples needs, "
             "fewer than three; transfer by weights, or train it again with ARKit's shape names or from its examples."

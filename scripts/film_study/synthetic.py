@@ -11,6 +11,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.identity.photos.face_camera import rotation_of
 from faceposer.landmarks.painting import painted_parts
 from faceposer.model.character import Character
+from scripts.photo_study.lights import PhongLight
 from scripts.photo_study.synthetic import Person, shaded, soft_background
 
 Array = NDArray[np.float64]
@@ -42,12 +43,12 @@ def draw_film(person: Person, base: Character, weights: Array, rate: float, seed
     turns, shifts = (_motion(len(weights), rate, spread, rng) for spread in (_TURNS, _SHIFTS))
     focal = size * 2.0 * math.exp(rng.normal(0.0, 0.2))
     depth = focal * 27.0 * math.exp(rng.normal(0.0, 0.1)) / size
-    light = rotation_of(np.array([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])) @ np.array([0.0, 1.0, 0.0])
+    across = rotation_of(np.array([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])) @ np.array([0.0, 1.0, 0.0])
     tilt = rng.uniform(0.2, 1.1)
-    lamp = math.sin(tilt) * light + math.cos(tilt) * np.array([0.0, 0.0, -1.0])
+    lamp = math.sin(tilt) * across + math.cos(tilt) * np.array([0.0, 0.0, -1.0])
     ambient = rng.uniform(0.2, 0.6) * np.exp(rng.normal(0.0, 0.08, 3))
     diffuse = rng.uniform(0.5, 1.1) * np.exp(rng.normal(0.0, 0.08, 3))
-    gloss, background = rng.uniform(0.0, 0.15), soft_background(rng, size)
+    light, background = PhongLight(lamp, ambient, diffuse, rng.uniform(0.0, 0.15)), soft_background(rng, size)
     middle = np.array([0.0, 1.0, 3.0])
     frames, cameras = [], []
     for w, turn, shift in zip(weights, turns, shifts, strict=True):
@@ -55,7 +56,7 @@ def draw_film(person: Person, base: Character, weights: Array, rate: float, seed
         mesh = painted_parts(vertices, base.polygons, base.uv, base.polygon_uvs, base.parts, person.textures)
         rotation = np.diag([1.0, -1.0, -1.0]) @ rotation_of(turn)
         camera = Camera(rotation, shift + (0.0, 0.0, depth) - rotation @ middle, focal, (size, size))
-        image = shaded(mesh, camera, lamp, ambient, diffuse, gloss, background, 1)
+        image = shaded(mesh, camera, light, background, 1)
         noisy = np.clip(image + rng.normal(0.0, 0.008, image.shape), 0.0, 1.0)
         frames.append(np.rint(noisy * 255.0).astype(np.uint8))
         cameras.append(camera)

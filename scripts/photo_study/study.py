@@ -1,5 +1,6 @@
 """The study of heads and expressions from synthetic photos: trials, one per person, and rows of their errors."""
 
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,11 +20,13 @@ from faceposer.identity.photos.landmark_fit import PhotoFace, fit_landmarks
 from faceposer.identity.photos.skin_samples import shipped_samples
 from faceposer.identity.photos.unknowns import FitState
 from faceposer.landmarks.points import N_POINTS, find_landmarks
+from scripts.identity_study.eos_fit import has_eos
+from scripts.photo_study.eos_photos import EosPhotos
 from scripts.photo_study.synthetic import SIZE, Person, Photo, photo_of, random_person, random_weights
 
 Array = NDArray[np.float64]
 
-METHODS = ("mean", "landmarks", "dense", "dense-segments")
+METHODS = ("mean", "eos", "landmarks", "dense", "dense-segments")
 # Rows, the trials that they are of, and the error.
 _TESTS = (
     ("synthetic", "synthetic", "head"),
@@ -63,24 +66,31 @@ class Trial:
 class Study:
     """Trials on random people who are not in the model's training data."""
 
-    def __init__(self) -> None:
-        """Prepare the model of heads."""
+    def __init__(self, other_lights: bool = False) -> None:
+        """Prepare the model of heads; ``other_lights`` are several lamps and the sky, which the fit does not have."""
+        self.other_lights = other_lights
         self.basis: HeadBasis = head_basis()
         self.places: FacePlaces = load_face_places()
         self.samples = shipped_samples(self.basis, self.places)
         skin = self.basis.character.vertices[: self.basis.n_skin]
         landmarks = self.basis.landmarks(self.places).mean[:N_POINTS]
+        self.rival: EosPhotos | None = None
+        if has_eos():
+            self.rival = EosPhotos(self.basis, self.places)
+        else:
+            print("eos is not installed (pip install eos-py): its rows are left out.", file=sys.stderr)
         self.measured = cKDTree(landmarks).query(skin)[0] < _REACH
 
     def trials(self, number: int, views: Sequence[int] = (1, 3)) -> Iterator[Trial]:
         """Yield the trials of person ``number``."""
         rng = np.random.default_rng(1000 + number)
         person = random_person(self.basis.editor, self.basis.character, _FIRST_SEED + number)
+        many = np.random.default_rng(number) if self.other_lights else None
         photos = []
         for low, high in YAWS[: max(views)]:
             yaw = float(rng.uniform(low, high))
             weights = random_weights(self.basis.model, rng)
-            photos.append(photo_of(person, self.basis.character, weights, rng, yaw))
+            photos.append(photo_of(person, self.basis.character, weights, rng, yaw, many=many))
         found = [(photo, find_landmarks(photo.pixels)) for photo in photos]
         crops = [
             (photo, FaceCrop.of(PhotoFace(face, (SIZE, SIZE), 2.0 * SIZE, 0.3), photo.pixels))
@@ -96,6 +106,12 @@ class Study:
         mean = np.zeros((4, self.basis.n_identity))
         still = float(np.mean([self._displacement(person, photo, None) for photo, _ in crops]))
         yield Trial("mean", n, self._head_error(person, mean), still, 0.0)
+        if self.rival is not None and n == 1:
+            begun = time.process_time()
+            fitted = self.rival.fit(crops[0][1])
+            seconds = time.process_time() - begun
+            head = self._head_error(person, np.tile(fitted.rows, (4, 1)))
+            yield Trial("eos", n, head, self._displacement(person, crops[0][0], fitted.pose), seconds)
         begun = time.process_time()
         start = fit_landmarks([crop.face for _, crop in crops], self.basis, self.places)
         seconds = time.process_time() - begun

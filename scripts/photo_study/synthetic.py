@@ -22,12 +22,11 @@ from faceposer.landmarks.drawing import PaintedMesh, visible_triangles
 from faceposer.landmarks.painting import painted_parts
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
+from scripts.photo_study.lights import Light, ManyLights, PhongLight
 
 Array = NDArray[np.float64]
 
 SIZE = 512
-_GAMMA = 2.2
-_SHININESS = 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,16 +96,25 @@ def photo_of(
     yaw: float = 0.0,
     size: int = SIZE,
     finer: int = 2,
+    many: np.random.Generator | None = None,
 ) -> Photo:
-    """Return a photo of ``person`` with the expression ``weights``, the face turned by about ``yaw`` radians."""
+    """Return a photo of ``person`` with the expression ``weights``, the face turned by about ``yaw`` radians.
+
+    With the source of random numbers ``many``, several lamps light it, and the sky.
+    """
     vertices = person.vertices + np.tensordot(weights, person.shapes, 1)
     mesh = painted_parts(vertices, base.polygons, base.uv, base.polygon_uvs, base.parts, person.textures)
-    pixels, camera = picture_of(mesh, rng, yaw, size, finer)
+    pixels, camera = picture_of(mesh, rng, yaw, size, finer, many)
     return Photo(pixels, camera, weights, vertices)
 
 
 def picture_of(
-    mesh: PaintedMesh, rng: np.random.Generator, yaw: float = 0.0, size: int = SIZE, finer: int = 2
+    mesh: PaintedMesh,
+    rng: np.random.Generator,
+    yaw: float = 0.0,
+    size: int = SIZE,
+    finer: int = 2,
+    many: np.random.Generator | None = None,
 ) -> tuple[NDArray[np.uint8], Camera]:
     """Return a photo of ``mesh``, upright and in centimetres, with a random camera, light and background."""
     turn = rotation_of(np.array([rng.normal(0.0, 0.12), 0.0, 0.0])) @ rotation_of(
@@ -118,27 +126,21 @@ def picture_of(
     middle = np.array([0.0, 1.0, 3.0])
     place = np.array([*rng.normal(0.0, 0.8, 2), focal * width / size])
     camera = Camera(rotation, place - rotation @ middle, focal, (size, size))
-    light = rotation_of(np.array([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])) @ np.array([0.0, 1.0, 0.0])
+    across = rotation_of(np.array([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])) @ np.array([0.0, 1.0, 0.0])
     tilt = rng.uniform(0.2, 1.1)
-    lamp = math.sin(tilt) * light + math.cos(tilt) * np.array([0.0, 0.0, -1.0])
+    lamp = math.sin(tilt) * across + math.cos(tilt) * np.array([0.0, 0.0, -1.0])
     ambient = rng.uniform(0.2, 0.6) * np.exp(rng.normal(0.0, 0.08, 3))
     diffuse = rng.uniform(0.5, 1.1) * np.exp(rng.normal(0.0, 0.08, 3))
-    image = shaded(mesh, camera, lamp, ambient, diffuse, rng.uniform(0.0, 0.15), soft_background(rng, size), finer)
+    light = PhongLight(lamp, ambient, diffuse, rng.uniform(0.0, 0.15))
+    image = shaded(
+        mesh, camera, light if many is None else ManyLights.about(light, many), soft_background(rng, size), finer
+    )
     image = np.clip(image + rng.normal(0.0, 0.008, image.shape), 0.0, 1.0)
     return _as_jpeg(image, int(rng.integers(75, 96))), camera
 
 
-def shaded(
-    mesh: PaintedMesh,
-    camera: Camera,
-    lamp: Array,
-    ambient: Array,
-    diffuse: Array,
-    specular: float,
-    background: Array,
-    finer: int,
-) -> Array:
-    """Return the picture, 0..1, of a mesh with Phong's light; ``lamp`` is a direction in camera space."""
+def shaded(mesh: PaintedMesh, camera: Camera, light: Light, background: Array, finer: int) -> Array:
+    """Return the picture, 0..1, of a mesh in a light."""
     width, height = (side * finer for side in camera.size)
     pixels, local = camera.project(mesh.vertices) * finer, camera.to_camera(mesh.vertices)
     faces, weights = visible_triangles(pixels, local[:, 2], mesh.triangles, (width, height))
@@ -148,13 +150,8 @@ def shaded(
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     towards = -np.einsum("pc,pcd->pd", shares, local[corners])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    cosine = np.maximum(normals @ lamp, 0.0)
-    mirrored = 2.0 * (normals @ lamp)[:, None] * normals - lamp
-    gloss = specular * np.maximum((mirrored * towards).sum(axis=1), 0.0) ** _SHININESS
-    albedo = _albedo(mesh, faces[covered], corners, shares) ** _GAMMA
-    linear = albedo * (ambient + diffuse * cosine[:, None]) + gloss[:, None]
     image = ndimage.zoom(background, (finer, finer, 1), order=0).reshape(-1, 3)
-    image[covered] = linear.clip(0.0, 1.0) ** (1.0 / _GAMMA)
+    image[covered] = light.colours(_albedo(mesh, faces[covered], corners, shares), normals, towards)
     result: Array = image.reshape(height // finer, finer, width // finer, finer, 3).mean(axis=(1, 3))
     return result
 

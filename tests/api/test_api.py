@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -469,7 +470,7 @@ def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
     assert len(keys.names) == 18
     face = faceposer.load("low")
     face.apply_pose("Happiness")
-    clone = face.transfer_to("low", "examples", keys=keys.folder)
+    clone = face.transfer_to("low", "examples", keys=keys)
     key = next(pair for pair in load_keys(KeyFolder.read(keys.folder)).transfer.pairs if pair.name == "happiness")
     np.testing.assert_allclose(clone.vertices, face.session.model.surface(key.target), atol=2e-3)
     motion = faceposer.Performance(np.array([key.source, 0.5 * key.source]), 30.0)
@@ -500,3 +501,35 @@ def test_a_time_of_a_film_may_be_text_but_must_be_a_number(tmp_path: Path) -> No
         face.follow_film(tmp_path / "a.gif", start="x")  # type: ignore[arg-type]
     with pytest.raises(FacePoserError, match=r"The end of the part, 1 s, is not after its start, 2 s\.$"):
         face.follow_film(tmp_path / "a.gif", start="2", end="1")  # type: ignore[arg-type]
+
+
+def test_wrong_arguments_of_key_poses_are_told(tmp_path: Path) -> None:
+    folder: Any = tmp_path / "keys"
+    wrong: tuple[Any, ...] = (None, 5, ["a"], b"a")
+    (tmp_path / "poses").mkdir()
+    pose = {"format": "faceposer.pose", "version": 1, "name": "Open", "weights": {"jawOpen": 0.8}}
+    (tmp_path / "poses" / "open.json").write_text(json.dumps(pose))
+    keys = faceposer.KeyPoses.create("low", "low", folder, tmp_path / "poses")
+    face = faceposer.load("low")
+    for value in wrong:
+        calls: list[Callable[[], object]] = [
+            lambda value=value: faceposer.KeyPoses(value),
+            lambda value=value: faceposer.KeyPoses.create(value, "low", tmp_path / "new"),
+            lambda value=value: faceposer.KeyPoses.create("low", value, tmp_path / "new"),
+            lambda value=value: faceposer.KeyPoses.create("low", "low", value),
+            lambda value=value: keys.add(value, tmp_path / "poses" / "open.json"),
+            lambda value=value: keys.add("a", value),
+            lambda value=value: keys.remove(value),
+            lambda value=value: keys.choose(value, 1),
+            lambda value=value: face.transfer_to(value),
+            lambda value=value: face.transfer_to("low", "examples", keys=value),
+        ]
+        for i, call in enumerate(calls):
+            with pytest.raises(FacePoserError) as caught:
+                call()
+            said = "needs 'keys'" if value is None and i == len(calls) - 1 else "must be "
+            assert said in str(caught.value), i
+    with pytest.raises(FacePoserError, match="Pairs must be"):
+        face.transfer_to("low", pairs=5)  # type: ignore[arg-type]
+    assert not (tmp_path / "new").exists()
+    assert keys.names == ["open"]

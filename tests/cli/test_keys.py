@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
+from faceposer.interchange.formats import write
 from faceposer.model.face_model import FaceModel
 from faceposer.session.opening import open_session
 from tests.command_line import run, run_captured
@@ -131,7 +133,7 @@ def test_a_session_becomes_one_of_the_target(tmp_path: Path, poses: Path, low: F
         (("transfer", "{take}", "man", "-o", "o.obj", "--keys", "{keys}"), "apply to the method 'examples' only"),
         (
             ("transfer", "{take}", "man", "-o", "o.obj", "--method", "examples", "--keys", "{no}"),
-            "not a folder of keys",
+            "There is no folder",
         ),
         (
             (
@@ -161,13 +163,14 @@ def test_a_session_becomes_one_of_the_target(tmp_path: Path, poses: Path, low: F
         (("keys", "add", "{keys}", "Joy", "--source", "{take}"), "choose another name, or add --replace."),
         (("keys", "add", "{keys}", "../evil", "--source", "{take}"), "cannot be a path such as '../evil'"),
         (("keys", "add", "{keys}", "..", "--source", "{take}"), "cannot be a path such as '..'"),
-        (("keys", "add", "{keys}", "Still", "--source", "{take}"), "the same expression of the source as 'neutral'"),
+        (("keys", "add", "{keys}", "Still", "--source", "{take}"), "is the neutral face of the source at all feature"),
         (("keys", "add", "{keys}", "Joy 2", "--source", "{keys}/source/joy.json"), "expression of the source as 'joy'"),
         (("transfer", "{keys}/source/joy.json", "low", "-o", "o.obj", "--frames", "3"), "is a single pose"),
         (("keys", "add", "{keys}", "New", "--source", "{take}", "--frame", "99"), "no frame 100"),
         (("keys", "choose", "{keys}", "{no}.csv"), "cannot be read"),
         (("keys", "importance", "{keys}", "-o", "o.txt"), "must end in '.png' or '.npz'"),
-        (("keys", "check", "{no}"), "not a folder of keys"),
+        (("keys", "check", "{no}"), "There is no folder"),
+        (("keys", "check", "."), "not a folder of keys"),
     ],
 )
 def test_errors_are_sentences(
@@ -202,3 +205,95 @@ def test_compose_says_what_it_keeps(tmp_path: Path, poses: Path, capsys: pytest.
     assert "1 key composed of 1 emotional and 2 verbal ones; 6 with the neutral face" in said
     assert "1 combination kept as you changed them" in said
     assert edited.read_bytes() == written
+
+
+def test_keys_that_cannot_be_used_are_told_and_the_others_clone(
+    tmp_path: Path, take: Path, poses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys, report, out = tmp_path / "keys", tmp_path / "report.json", tmp_path / "out.json"
+    assert run("keys", "init", "low", "low", "-o", keys, "--poses", poses) == 0
+    (keys / "target" / "pucker.json").write_text("{")
+    (keys / "source" / "joy.json").unlink()
+    status, said, noted = run_captured(capsys, "keys", "check", keys, "--json", report)
+    assert status == 2
+    assert "2 keys with the neutral face" in said
+    assert noted.count("Left out.") == 2
+    assert set(json.loads(report.read_text())["left_out"]) == {"joy", "pucker"}
+    options = ("--from", "low", "--method", "examples", "--keys", keys)
+    status, _, noted = run_captured(capsys, "transfer", take, "low", "-o", out, *options)
+    assert status == 0
+    assert "2 keys left out. The key 'joy' has no source" in noted
+
+
+@pytest.mark.parametrize("place", ["target/anger.json", "source/new.json", "source/new.csv", "target/face.obj"])
+def test_no_output_is_written_among_key_poses(
+    place: str, tmp_path: Path, poses: Path, take: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = tmp_path / "keys"
+    assert run("keys", "init", "low", "low", "-o", keys, "--poses", poses) == 0
+    before = {path: path.read_bytes() for path in keys.rglob("*.*")}
+    options = ("--from", "low", "--method", "examples", "--keys", keys, "--frames", 7)
+    status, _, said = run_captured(capsys, "transfer", take, "low", "-o", keys / place, *options)
+    assert status == 2
+    assert f"'{keys / place}' is among the key poses of '{keys}'" in said
+    face = open_session("low")
+    if place.endswith("anger.json"):
+        with pytest.raises(FacePoserError, match="among the key poses"):
+            face.save(keys / place)
+        assert run("keys", "check", keys, "--json", keys / place) == 2
+        with pytest.raises(FacePoserError, match="among the key poses"):
+            face.save(keys / "keys.json")
+    elif not place.startswith("source/new.json"):
+        with pytest.raises(FacePoserError, match="among the key poses"):
+            write(keys / place, face.model, face.coefficients)
+    assert {path: path.read_bytes() for path in keys.rglob("*.*")} == before
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "mesh.obj"),
+        ("nothing\n", "mesh.obj"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "has no faces"),
+    ],
+)
+def test_the_mesh_of_a_target_is_checked_before_keys_are_created(
+    content: str | None, said: str, tmp_path: Path, poses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mesh, keys = tmp_path / "mesh.obj", tmp_path / "keys"
+    if content is not None:
+        mesh.write_text(content)
+    status, _, error = run_captured(capsys, "keys", "init", "low", mesh, "-o", keys, "--poses", poses)
+    assert status == 2
+    assert said in error
+    assert str(mesh) in error
+    assert not keys.exists()
+
+
+def test_contradictions_of_kinds_are_told(tmp_path: Path, poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    keys = tmp_path / "keys"
+    assert run("keys", "init", "low", "low", "-o", keys, "--poses", poses) == 0
+    path = keys / "keys.json"
+    description = json.loads(path.read_text())
+
+    def refused(action: str, **changes: object) -> str:
+        path.write_text(json.dumps(description | changes))
+        status, _, said = run_captured(capsys, "keys", action, keys)
+        assert status == 2
+        return str(said)
+
+    assert f"'{path}': expressions names 'nope', but there is no such key" in refused("check", expressions=["nope"])
+    assert "there is no such key" in refused("compose", visemes=["nope"])
+    both = refused("check", expressions=["joy"], visemes=["joy"])
+    assert str(path) in both
+    assert "expressions and visemes both name 'joy'" in both
+    assert "The key 'joy'" in refused("check", visemes=["joy"])
+    few = refused("check", points=["8.3", "8.3"])
+    assert str(path) in few
+    assert "points names 1 feature point, but cloning needs at least 3" in few
+    assert f"'{path}': source: There is no character 'nobody'" in refused("check", source="nobody")
+    # A key that is removed is no longer named.
+    path.write_text(json.dumps(description | {"visemes": ["open", "pucker"]}))
+    assert run("keys", "remove", keys, "open") == 0
+    assert json.loads(path.read_text())["visemes"] == ["pucker"]
+    assert run("keys", "check", keys) == 0

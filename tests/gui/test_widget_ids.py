@@ -330,6 +330,11 @@ def visit_keys(robot: Robot, folder: Path) -> None:
     robot.click_widget("keys-back")
     robot.frames(2)
     robot.key("Ctrl+Z")
+    # A key that cannot be read is left out.
+    (folder / "pairs" / "target" / "ah.json").write_text("{")
+    keys.opened.read()
+    finish()
+    robot.click_widget("keys:left-out")
     robot.click_widget("keys:close")
     robot.frames(2)
 

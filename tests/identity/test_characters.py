@@ -1,17 +1,23 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.picking import pick_pixels
 from faceposer.identity.anatomy.eyeballs import ball_of
 from faceposer.identity.anatomy.local_maps import LocalMaps
 from faceposer.identity.character import character_of
+from faceposer.identity.editing import head_editor
 from faceposer.identity.head import HeadMaker
+from faceposer.identity.identity import GROTESQUE
 from faceposer.identity.model_file import load_identity_model
 from faceposer.model.character import Character
 from faceposer.model.character_file import load_character
 from faceposer.model.contact.measure import penetration_mm
 from faceposer.model.contact.step import ContactStep
+from faceposer.model.framing import face_view
 from scripts.study_heads import blink_gap_mm
 
 N_SKIN = 17259
@@ -142,6 +148,48 @@ def test_the_lining_of_the_mouth_stays_inside_the_skin(man: Character) -> None:
     rows = [man.shape_names.index(name) for name in pucker]
     posed = rest + np.tensordot(list(pucker.values()), made.shapes[rows, :N_SKIN].astype(float), 1)
     assert lips.lining.depth(posed).min() > 0.05
+
+
+def test_nothing_of_the_mouth_is_seen_through_the_neck_of_a_caricature(man: Character) -> None:
+    editor, maker = head_editor(man), HeadMaker.shipped()
+    skin = editor.skin(editor.random(13, editor.own, None, 0.8).scaled(GROTESQUE))
+    made = maker.head(skin)
+    inside = np.zeros(len(man.vertices), dtype=bool)
+    inside[maker.lips.cavity.ids] = True
+    inside[slice(*man.part("throat").vertices)] = True
+    below = replace(face_view(man), pitch=np.radians(-60.0)).camera((200, 200))
+    pixels = np.stack(np.meshgrid(np.arange(200.0), np.arange(200.0)), axis=-1).reshape(-1, 2)
+
+    def seen(vertices: NDArray[np.float64]) -> int:
+        points, _ = pick_pixels(vertices, man.triangles, below, pixels)
+        return int(inside[man.triangles[points.faces]].all(axis=1).sum())
+
+    before = made.vertices.copy()
+    before[:N_SKIN] = skin
+    assert seen(before) > 50, "the neck is too thin for the mouth's cavity"
+    assert seen(made.vertices) <= 2
+    # The lining moves with the skin that it was drawn below.
+    shapes = maker.shapes(made)
+    for name in ("mouthFrownLeft", "noseSneerRight", "jawForward"):
+        assert seen(made.vertices + shapes[man.shape_names.index(name)]) <= 5, name
+
+
+def test_the_cavity_of_the_man_and_of_usual_heads_is_left_alone(man: Character) -> None:
+    editor, maker = head_editor(man), HeadMaker.shipped()
+    assert maker.head(man.vertices[:N_SKIN]).lining.share.max() < 1e-6
+    usual = maker.head(editor.skin(editor.random(4, editor.own, None, 0.8)))
+    assert usual.lining.share.max() < 1e-6
+    assert usual.throat.share.max() < 1e-6
+
+
+def test_the_lining_stays_inside_in_sums_of_weak_shapes() -> None:
+    heads, lips = load_identity_model(), HeadMaker.shipped().lips
+    made = character_of(heads.instance(heads.sample(0, 25)[24]), name="deep", title="Deep")
+    weights = {"mouthPucker": 0.74, "mouthFunnel": 0.37, "jawOpen": 0.34, "mouthClose": 0.33}
+    rows = [made.shape_names.index(name) for name in weights]
+    offsets = np.tensordot(list(weights.values()), made.shapes[rows, :N_SKIN].astype(float), 1)
+    for share in (0.5, 1.0, 1.1):
+        assert lips.lining.depth(made.vertices[:N_SKIN] + share * offsets).min() > 0.0
 
 
 def test_eyeballs_are_between_the_lids(random_head: Character) -> None:

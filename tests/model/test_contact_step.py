@@ -1,5 +1,6 @@
 """The contact step corrects what penetrates and nothing else, alike on both sides, and steadily."""
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from faceposer.model.character_file import load_character
 from faceposer.model.contact import lid_contact
+from faceposer.model.contact.arch_contact import ArchContact
 from faceposer.model.contact.arches import find_arches
 from faceposer.model.contact.lips import find_covering
 from faceposer.model.contact.measure import penetration_mm
@@ -100,6 +102,23 @@ def _depths_along_rays(corners: Array, axis: tuple[float, float], points: Array)
         met = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
         depth[i] = radius * max(0.0, float((reached[met] - 1.0).max(initial=0.0)))
     return depth
+
+
+def test_a_lip_that_rests_between_two_teeth_lies_behind_none_elsewhere(model: FaceModel) -> None:
+    man = model.character
+    arch = find_arches(man)[0]
+    vertices = man.vertices.copy()
+    resting = vertices[[9777]].astype(np.float64)
+    inwards = resting[0, ::2] - arch.axis
+    vertices[9777, ::2] -= (float(arch.gap(resting)[0]) - 0.002) * inwards / np.linalg.norm(inwards)
+    assert arch.depth(vertices[[9777]].astype(np.float64)) == 0.0
+    character = dataclasses.replace(man, vertices=vertices)
+    step = ContactStep([ArchContact(character, find_arches(character)[0])])
+    np.testing.assert_array_equal(step.apply(vertices.copy()), vertices)
+    smile = sum(man.shapes[man.shape_names.index(f"mouthSmile{side}")] for side in ("Left", "Right"))
+    posed = vertices + smile + 0.4 * man.shapes[man.shape_names.index("jawOpen")]
+    assert penetration_mm(character, posed)["lips_teeth"] > 1.0
+    assert penetration_mm(character, step.apply(posed))["lips_teeth"] < 0.02
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.geometry.obj_io import write_obj
 from faceposer.model.face_model import FaceModel
+from faceposer.poses.applying import pose_of
 from faceposer.poses.pose_file import Pose, read_pose, write_pose
 from faceposer.session.document import Document, write_document
 from faceposer.session.key_edits import add_key, add_key_pose, choose_keys, propose_again, save_key
@@ -226,8 +227,12 @@ def test_a_damaged_key_leaves_the_kinds_of_others(keys: KeyFolder) -> None:
     write_pose(keys.folder / "source" / "open.json", Pose("Open", OPEN, tags=("viseme",)))
     (keys.folder / "target" / "smile.json").unlink()
     found = read_key_set(keys.folder)
-    assert found.transfer is None
     assert [key.kind for key in found.keys] == ["viseme", ""]
+    assert [key.name for key in found.left_out] == ["smile"]
+    (keys.folder / "source" / "open.json").write_text("{")
+    again = read_key_set(keys.folder, last=found)
+    assert again.transfer is None
+    assert [(key.title, key.kind) for key in again.keys] == [("Open", "viseme"), ("Smile", "")]
 
 
 def test_the_base_of_a_mesh_without_shapes_is_pictured_as_sculpted(mesh_keys: KeyFolder, low: FaceModel) -> None:
@@ -290,3 +295,45 @@ def test_keys_that_do_not_fit_into_memory_are_refused_before_they_are_read(
     monkeypatch.undo()
     assert compose_keys(mesh_keys).composed == 1
     assert len(read_mesh(mesh_keys.folder / "target" / "smile+open.obj").vertices) == 1796
+
+
+def test_poses_of_another_key_are_refused_before_they_are_written(keys: KeyFolder, low: FaceModel) -> None:
+    written = content(keys)
+    smile = low.coefficients_of(SMILE)
+    for coefficients, reason in ((smile, "same expression of the source as 'smile'"), (low.neutral(), "neutral face")):
+        with pytest.raises(FacePoserError, match=reason):
+            save_key(keys, "open", "source", low, coefficients)
+        with pytest.raises(FacePoserError, match=reason):
+            add_key_pose(keys, pose_of(low, coefficients, "New"))
+    assert content(keys) == written
+    # Its own pose, and that of another key on the target, may be saved.
+    save_key(keys, "smile", "source", low, smile)
+    save_key(keys, "open", "target", low, smile)
+
+
+def test_of_keys_with_one_expression_one_is_used_and_a_composed_one_is_not(keys: KeyFolder) -> None:
+    for name, weights, tags in (("A", SMILE, (COMPOSED,)), ("B", {}, ()), ("T", SMILE, ())):
+        write_pose(keys.folder / "source" / f"{name.lower()}.json", Pose(name, weights, tags=tags))
+        write_pose(keys.folder / "target" / f"{name.lower()}.json", Pose(name, weights))
+    loaded = load_keys(keys)
+    assert [pair.name for pair in loaded.transfer.pairs] == ["open", "smile"]
+    assert set(loaded.left_out) == {"a", "b", "t"}
+    assert "'a' is the same expression of the source as 'smile'" in loaded.left_out["a"]
+    assert "'b' is the neutral face of the source" in loaded.left_out["b"]
+    assert loaded.remarks.startswith("3 keys left out. ")
+    # With a base of their own, the neutral face is an expression like others.
+    for side in ("source", "target"):
+        write_pose(keys.folder / side / "neutral.json", Pose("Neutral", {"jawOpen": 0.1}))
+    again = load_keys(keys)
+    assert again.transfer.base.name == "neutral"
+    assert set(again.left_out) == {"a", "t"}
+
+
+def test_a_mesh_without_shapes_is_cloned_by_the_keys_that_are_sculpted(mesh_keys: KeyFolder, low: FaceModel) -> None:
+    mesh_keys.add(Pose("Pucker", {"mouthPucker": 1.0}), None)
+    loaded = load_keys(mesh_keys)
+    assert [pair.name for pair in loaded.transfer.pairs] == ["open", "smile"]
+    assert "add a pose or a mesh with this name there, such as 'pucker.obj'" in loaded.left_out["pucker"]
+    far = low.character.vertices * 1e4
+    write_obj(mesh_keys.folder / "target" / "pucker.obj", far, low.character.polygons)
+    assert "is no face" in load_keys(mesh_keys).left_out["pucker"]

@@ -66,7 +66,9 @@ def test_a_proposal_that_is_saved_is_none_any_more(folder: Path) -> None:
     keys = KeyFolder.read(folder)
     low, creature = load_model("low"), load_model("creature")
     pose = read_pose(folder / "source" / "anger.json")
-    name = add_key_pose(keys, pose.renamed("Half anger"))
+    name = add_key_pose(
+        keys, replace(pose.renamed("Half anger"), weights={name: 0.5 * w for name, w in pose.weights.items()})
+    )
     path = folder / "target" / f"{name}.json"
     assert PROPOSED in read_pose(path).tags
     made = np.linspace(-0.1, 0.1, creature.n_coefficients)
@@ -116,15 +118,18 @@ def test_keys_that_cannot_be_used_are_listed_with_the_reason(folder: Path) -> No
     (folder / "target" / "ah.json").write_text("{")
     assert stamp_of(folder) != before
     keys = read_key_set(folder)
-    assert keys.transfer is None
-    assert "has no target" in keys.problem
+    assert keys.transfer is not None
+    assert keys.problem == ""
     assert len(keys.keys) == 6
+    assert [pair.name for pair in keys.transfer.pairs] == [
+        key.name for key in keys.keys if key.name not in ("ah", "anger")
+    ]
     anger, ah = keys.key("anger"), keys.key("ah")
     assert anger is not None
     assert ah is not None
     assert anger.poses["source"] is not None
     assert anger.poses["target"] is None
-    assert anger.problem == "The key has no target."
+    assert anger.problem.startswith("The key 'anger' has no target in")
     assert "ah.json" in ah.problem
 
 

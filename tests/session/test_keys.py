@@ -1,6 +1,7 @@
 """Folders of key poses: poses, meshes and characters without shapes, and what is wrong with them."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -124,34 +125,44 @@ def test_what_is_wrong_with_a_folder_is_said_in_a_sentence(keys: KeyFolder, tmp_
             load_keys(KeyFolder.read(keys.folder))
         assert "\n" not in str(caught.value)
 
+    def left_out(text: str, name: str = "happiness") -> None:
+        loaded = load_keys(KeyFolder.read(keys.folder))
+        assert re.search(text, loaded.left_out[name])
+        assert "\n" not in loaded.remarks
+        assert loaded.remarks.startswith("1 key left out. ")
+        assert len(loaded.transfer.pairs) == 17
+
     happy = keys.folder / "target" / "happiness.json"
     content = happy.read_text()
     happy.unlink()
-    refused("The key 'happiness' has no target")
+    left_out("The key 'happiness' has no target")
     write_obj(happy.with_suffix(".obj"), np.eye(3), np.array([[0, 1, 2]]))
-    refused(r"happiness.obj' has 3 vertices, but .* has 14712")
+    left_out(r"happiness.obj' has 3 vertices, but .* has 14712")
     creature = load_model("creature")
     happy.with_suffix(".obj").write_text("v 0 0 nan\n")
-    refused("happiness.obj'")
+    left_out("happiness.obj'")
     write_mesh(happy.with_suffix(".obj"), grown(creature.character.vertices.astype(np.float64), 1e7), creature)
-    refused("happiness.obj'")
+    left_out("happiness.obj'")
     happy.with_suffix(".obj").unlink()
     happy.write_text(content.replace('"name"', '"nam"'))
-    refused("happiness.json'")
+    left_out("happiness.json'")
     happy.write_text(content)
     happy.with_suffix(".obj").write_text("")
     refused("has two files")
     happy.with_suffix(".obj").unlink()
     source = keys.folder / "source"
     shutil.copy(source / "happiness.json", source / "sadness.json")
-    refused("'happiness' and 'sadness' are the same expression")
+    left_out("'sadness' is the same expression of the source as 'happiness' at all", "sadness")
+    shutil.rmtree(source)
+    source.mkdir()
+    refused("No key in .* can be used. The key 'ah' has no source")
     data = json.loads((keys.folder / "keys.json").read_text())
     for change, text in (
         ({"regions": "none"}, "regions is 'none'"),
         ({"target": "nobody"}, "no character 'nobody'"),
         ({"more": 1}, "unknown key 'more'"),
         ({"version": 9}, "version is 9"),
-        ({"points": ["8.3"]}, "fewer than three"),
+        ({"points": ["8.3"]}, "needs at least 3"),
         ({"threshold": 2.0}, "threshold must be"),
     ):
         (keys.folder / "keys.json").write_text(json.dumps(data | change))

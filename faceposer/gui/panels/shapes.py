@@ -45,6 +45,8 @@ class ShapesPanel:
         session = context.session
         lower, upper = session.model.character.shape_limits[j].tolist()
         shown = self._value if context.slider_edit.dragging(key) else min(max(weight, lower), upper)
+        # Not as "-0.00".
+        shown = 0.0 if abs(shown) < 0.005 else shown
         imgui.begin_disabled(held or context.toolbox.active)
         imgui.set_next_item_width(em(7.2))
         label = f"{displayed(name)}##{widget_id(key)}"

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from imgui_bundle import imgui
+from imgui_bundle import ImVec4, imgui
 
 from faceposer.gui.actions import HINT_SEPARATOR
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.text import Measure, displayed, text_width, truncated
-from faceposer.gui.widgets.theme import FAINT, em
+from faceposer.gui.widgets.theme import ACCENT, FAINT, em
 from faceposer.gui.widgets.tooltips import tooltip
 
 
@@ -21,6 +21,12 @@ def draw_status_bar(context: EditorContext) -> None:
     hint, gap = context.hint(), em(1.5)
     edge = imgui.get_window_width() - imgui.get_style().window_padding.x
     imgui.set_cursor_pos_y((imgui.get_window_height() - imgui.get_font_size()) / 2.0)
+    if context.edited_instead:
+        star = "*" if context.session.dirty else ""
+        imgui.text_colored(ImVec4(*ACCENT), truncated(f"{context.edited_instead}{star}", 0.5 * edge))
+        context.widget_rects.record("status:edited")
+        tooltip(f"{context.edited_instead}: Animate > Key poses shows the strip, with the way back to the session")
+        imgui.same_line(0.0, gap)
     room = edge - imgui.get_cursor_pos_x()
     figures = fitting(_figures(context), room - text_width(hint) - gap, text_width)
     shown = truncated(hint, max(room, em(2.0)))

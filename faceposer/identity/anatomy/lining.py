@@ -27,6 +27,9 @@ _AT_REST, _RESERVE, _STEEP, _OVER_JAW = 0.25, 0.15, 4.0, 0.15
 _STILL = 1e-3
 #: Share of the depth that the reference's lining loses in a shape that other heads' may lose, since such losses add up.
 _LOSS = 0.6
+#: Weaker strengths of a shape in which the depth is looked at, too: places of the skin that a strong shape moves far
+#: along tell nothing about the depth.
+_MIDWAY = (0.25, 0.5)
 
 
 class Lining:
@@ -94,9 +97,15 @@ class Lining:
         """Return ``shapes`` (S, N, 3) of ``skin``, in which the lining loses less than the reference's ``losses``."""
         rest, result = self.depth(skin), shapes.copy()
         for k in np.flatnonzero(np.abs(shapes[:, self.ids]).max(axis=(1, 2)) > _STILL):
-            offsets = shapes[k]
-            depth, inwards = self._shallow_depth(skin + offsets)
-            lack = np.maximum(rest - depth - _LOSS * np.maximum(losses[k], 0.0), 0.0)
+            allowed = _LOSS * np.maximum(losses[k], 0.0)
+            depth, inwards = self._shallow_depth(skin + shapes[k])
+            lack = np.maximum(rest - depth - allowed, 0.0)
+            for strength in _MIDWAY:
+                depth, inwards_then = self._shallow_depth(skin + strength * shapes[k])
+                lack_then = (np.minimum(rest, _AT_REST + _RESERVE) - depth) / strength - allowed
+                lack_then = np.minimum(lack_then, _RESERVE)
+                more = lack_then > lack
+                lack[more], inwards[more] = lack_then[more], inwards_then[more]
             result[k, self.ids[self.shallow]] += lack[:, None] * inwards
         return result
 

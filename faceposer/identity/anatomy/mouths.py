@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from faceposer.identity.anatomy.cavity import Cavity
 from faceposer.identity.anatomy.falloff import ramp
 from faceposer.identity.anatomy.jaw import OPENING, condyle, jaw_opening, jaw_rotation
 from faceposer.identity.anatomy.lids import upper_and_lower
@@ -87,6 +88,7 @@ class MouthFit:
         on_lower = np.isin(self._moved, self._lower[1:-1])
         self._towards[on_upper], self._towards[on_lower] = -0.5, 0.5
         self.lining = Lining(template, skin, outer, self._loop)
+        self.cavity = Cavity(template, skin, self._loop)
         self._gap = self.gaps(skin)
         self.closing = 1.0 - ramp(*_CLOSING, cKDTree(contact).query(skin)[0])
         self._corners = self._upper[[0, -1]]

@@ -16,12 +16,13 @@ from scipy import ndimage
 from faceposer.geometry.mesh import VertexNormals
 from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_places import INNER_LIPS, OVAL, FacePlaces
+from faceposer.identity.photos.glasses import FrontView
 from faceposer.identity.photos.harmonics import harmonics
 from faceposer.identity.photos.head_basis import HeadBasis
 from faceposer.identity.photos.skin_samples import LIDS
 from faceposer.identity.scans.baking import Layer, blended
 from faceposer.landmarks.drawing import visible_triangles
-from faceposer.landmarks.points import N_POINTS
+from faceposer.landmarks.points import EYE_CORNERS, N_POINTS
 from faceposer.model.character import Character
 
 Array = NDArray[np.float64]
@@ -37,8 +38,12 @@ _OUTER, _LIDS_GAP, _LIPS_GAP = (0.7, 1.8), (0.05, 0.2), (0.1, 0.3)
 _HIDDEN = 0.35
 # Least light, relative to the median, by which colours are divided.
 _DARKEST = 0.25
+# Colour below which logarithms are not told apart.
+_BLACK = 0.02
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
 _FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
+# Least half width of large areas of hair, and reach of strands beside them, in texels.
+_LARGE, _STRANDS = 14, (12.0, 24.0)
 #: Landmarks on the brows without their outer ends, whose colours are no skin's, and the distance from them, in
 #: centimetres, that is brow.
 _BROWS = (105, 66, 107, 55, 65, 52, 334, 296, 336, 285, 295, 282)
@@ -76,6 +81,7 @@ class Texels:
         region: How much each belongs to the face that photos show, 0 to 1, shape (n,).
         brows: How much each belongs to the brows, 0 to 1, shape (n,).
         mirror: Index in the flat grid of the texel on the other side, shape (n,).
+        front: Points of the front of the face, at which glasses are looked for.
     """
 
     at: NDArray[np.int64]
@@ -84,6 +90,7 @@ class Texels:
     region: Array
     brows: Array
     mirror: NDArray[np.int64]
+    front: FrontView
 
     def of_vertices(self, values: Array) -> Array:
         """Return ``values`` of vertices, (N, k), at the texels, shape (n, k)."""
@@ -115,10 +122,12 @@ def face_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
     cells = np.clip(target.astype(np.int64), 0, _SIDE - 1)
     # Corners on both sides of a seam of the layout have no common place.
     mirror = np.where(spread < 0.03 * _SIDE, cells[:, 1] * _SIDE + cells[:, 0], at)
-    known = places.points.positions(character.vertices, character.triangles)[list(_BROWS)]
-    brows = 1.0 - _smooth(cKDTree(known).query(character.vertices[: basis.n_skin])[0], _BROW_REACH)
+    known = places.points.positions(character.vertices, character.triangles)
+    brows = 1.0 - _smooth(cKDTree(known[list(_BROWS)]).query(character.vertices[: basis.n_skin])[0], _BROW_REACH)
     inside, hairy = (np.einsum("nc,nc->n", shares, values[corners]) for values in (region, brows))
-    return Texels(at, corners, shares, inside, hairy, mirror)
+    positions = np.einsum("nc,ncd->nd", shares, character.vertices[corners].astype(np.float64))
+    eyes = np.stack([known[list(corner)].mean(axis=0) for corner in EYE_CORNERS])
+    return Texels(at, corners, shares, inside, hairy, mirror, FrontView(positions, hairy, eyes))
 
 
 def _region(character: Character, n_skin: int, places: FacePlaces) -> Array:
@@ -214,16 +223,29 @@ def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Arr
 
 
 def _plausible(colours: Array, weights: Array, model: Array, texels: Texels, tolerance: float) -> Array:
-    """Return factors on the weights of texels: less where smooth colours are not of this skin, (n,)."""
-    logs = np.zeros((_SIDE * _SIDE, 4), dtype=np.float32)
-    logs[texels.at, :3] = np.log(np.maximum(colours, 0.02)) - np.log(np.maximum(model[texels.at], 0.02))
-    logs[texels.at, :3] *= weights[:, None]
-    logs[texels.at, 3] = weights
-    grid = ndimage.gaussian_filter(logs.reshape(_SIDE, _SIDE, 4), (_FOREIGN_BLUR, _FOREIGN_BLUR, 0.0)).reshape(-1, 4)
+    """Return factors on the weights of texels: less where smooth colours are not of this skin, and at glasses, (n,)."""
+    logs = np.log(np.maximum(colours, _BLACK)) - np.log(np.maximum(model[texels.at], _BLACK))
+    blurred = np.zeros((_SIDE * _SIDE, 4), dtype=np.float32)
+    blurred[texels.at, :3] = logs * weights[:, None]
+    blurred[texels.at, 3] = weights
+    sigma = (_FOREIGN_BLUR, _FOREIGN_BLUR, 0.0)
+    grid = ndimage.gaussian_filter(blurred.reshape(_SIDE, _SIDE, 4), sigma).reshape(-1, 4)
     smooth = grid[texels.at, :3] / np.maximum(grid[texels.at, 3:], 1e-6)
     usual = np.median(smooth[weights > 0.5], axis=0) if (weights > 0.5).any() else np.zeros(3)
-    off = np.abs(smooth - usual).max(axis=1)
-    result: Array = np.maximum(1.0 - _smooth(off / tolerance, (_FOREIGN, 2.0 * _FOREIGN)), texels.brows)
+    off = np.abs(smooth - usual).max(axis=1) / tolerance
+    foreign = _smooth(off, (_FOREIGN, 2.0 * _FOREIGN))
+    result: Array = np.maximum(1.0 - np.maximum(foreign, _beside(foreign, weights, texels)), texels.brows)
+    bare = texels.front.kept((logs - usual) / tolerance, weights)
+    return result if bare is None else result * bare
+
+
+def _beside(foreign: Array, weights: Array, texels: Texels) -> Array:
+    """Return how much texels lie beside large areas that are not of the skin, as strands beside hair, (n,)."""
+    grid = np.zeros(_SIDE * _SIDE, dtype=bool)
+    grid[texels.at] = (foreign > 0.9) & (weights > 0.0)
+    large = ndimage.binary_opening(grid.reshape(_SIDE, _SIDE), iterations=_LARGE)
+    distance = ndimage.distance_transform_edt(~large) if large.any() else np.full(large.shape, np.inf)
+    result: Array = 1.0 - _smooth(distance.ravel()[texels.at], _STRANDS)
     return result
 
 

@@ -36,6 +36,8 @@ _STRETCHED = 0.6
 _BLOCK = 4
 # Slope of the field above and below the teeth and beyond the ends of the arch.
 _SLOPE = 2.5
+# Depth behind the field at rest that skin in front of the teeth loses for each length by which it leaves its place.
+_LEAVING = 0.5
 _UPPER_LIP = ("8.1", "8.5", "8.6", "8.9", "8.10", "2.2", "2.6", "2.7")
 _LOWER_LIP = ("8.2", "8.7", "8.8", "2.3", "2.8", "2.9")
 
@@ -77,12 +79,31 @@ class ArchContact:
         self._jaw_at_rest = character.vertices[arch.frame.witnesses]
         self._skin_at_rest = character.vertices[self._samples.ids]
         at_rest = self._samples.places(character.vertices)
-        self._allowed = np.maximum(self._depth(at_rest.T.astype(np.float32)), 0.0)
+        self._at_rest: Singles = np.ascontiguousarray(at_rest.T, dtype=np.float32)
+        self._allowed = np.maximum(self._depth(self._at_rest), 0.0)
+        in_front = (arch.gap(at_rest) >= 0.0) & (arch.depth(at_rest) == 0.0)
+        self._leaving = np.where(in_front, _LEAVING, 0.0).astype(np.float32)
 
     def _depth(self, rows: Singles) -> Singles:
         """Return the depth behind the field of points at rest, shape (n,); ``rows`` are coordinates, (3, n)."""
         place, radius = columns_of(rows[0] - self._arch.axis[0], rows[2] - self._arch.axis[1])
         return self._radius(place, rows[1]) - radius
+
+    def _deeper(self, rows: Singles, numbers: Ids) -> Singles:
+        """Return how much deeper samples are than they may be, (n,); ``rows`` are coordinates at rest, (3, n).
+
+        Skin may be behind the field where it is so in the neutral face. If it is in front of the teeth nevertheless,
+        above the slope of their ends or in a filled valley, that holds for its place at rest and not for others.
+        """
+        deeper = self._depth(rows)
+        allowed = self._allowed.take(numbers)
+        known = np.flatnonzero(allowed)
+        if len(known):
+            chosen = numbers.take(known)
+            left = rows.take(known, axis=1) - self._at_rest.take(chosen, axis=1)
+            fall = self._leaving.take(chosen) * np.sqrt(np.einsum("kn,kn->n", left, left))
+            deeper[known] -= np.maximum(allowed.take(known) - fall, 0.0)
+        return deeper
 
     def _radius(self, place: Singles, height: Singles) -> Singles:
         """Return the field H, shape (n,), interpolated bilinearly between cell centres."""
@@ -132,9 +153,7 @@ class ArchContact:
         push = self._samples.vertex_maxima(
             rows,
             near,
-            lambda points, numbers: hinge(
-                self._depth(turn @ points + shift) - self._allowed.take(numbers), self._start, self._margin
-            ),
+            lambda points, numbers: hinge(self._deeper(turn @ points + shift, numbers), self._start, self._margin),
         )
         if push.max() <= self._negligible:
             return

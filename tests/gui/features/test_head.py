@@ -73,6 +73,54 @@ def test_caricature_moves_away_from_the_average(robot: Robot) -> None:
     assert distance(feature(robot).identity) == pytest.approx(0.0, abs=0.05)
 
 
+def test_undo_and_redo_show_the_place_of_each_head_on_its_line(robot: Robot) -> None:
+    robot.click_widget("head-random")
+    robot.frames(2)
+    plain = feature(robot).identity
+    slide(robot, "head:caricature", 0.6)
+    slide(robot, "head:caricature", 1.0)
+    lines, first = feature(robot).caricatures, feature(robot).identity
+
+    def place() -> float | None:
+        line = lines.of(feature(robot).identity)
+        assert line is None or line.start is plain
+        return None if line is None else line.value
+
+    assert place() == pytest.approx(2.5)
+    robot.key("Ctrl+Z")
+    assert place() == pytest.approx(1.5, abs=0.1)
+    robot.key("Ctrl+Z")
+    assert place() is None
+    robot.key("Ctrl+Y")
+    robot.key("Ctrl+Y")
+    assert place() == pytest.approx(2.5)
+    # Continued, the slider is absolute: it does not exaggerate the exaggerated head.
+    slide(robot, "head:caricature", 0.0)
+    slide(robot, "head:caricature", 1.0)
+    np.testing.assert_allclose(feature(robot).identity.shape, first.shape)
+
+
+def test_a_drag_that_is_cancelled_leaves_no_line_and_caricatures_are_not_exaggerated(robot: Robot) -> None:
+    head = feature(robot)
+    left, top, right, bottom = robot.app.widget_rects["head:caricature"]
+    robot.move((0.5 * (left + right), 0.5 * (top + bottom)))
+    robot.press()
+    robot.move((right - 5.0, 0.5 * (top + bottom)))
+    robot.frames(2)
+    robot.key("Esc")
+    robot.release()
+    robot.frames(2)
+    assert head.caricatures.of(head.identity) is None
+    slide(robot, "head:caricature", 1.0)
+    distance = head.require_editor().distance
+    assert distance(head.identity) > 2.5
+    # As after the session is opened again: the line is not known.
+    robot.app.session.set_identity(replace(head.identity), "Reopened")
+    robot.frames(2)
+    slide(robot, "head:caricature", 1.0)
+    assert distance(head.identity) < 3.2
+
+
 def test_random_average_and_original(robot: Robot) -> None:
     original = skin(robot)
     robot.click_widget("head-random")
@@ -115,6 +163,14 @@ def test_variations_are_chosen_from_a_grid(robot: Robot) -> None:
     robot.click_widget("head:variation:0")
     robot.frames(2)
     np.testing.assert_allclose(skin(robot), before, atol=1e-3)
+    # The others can still be chosen after undo, back to the character's own head, too.
+    for _ in range(2):
+        robot.key("Ctrl+Z")
+        robot.frames(2)
+    np.testing.assert_array_equal(skin(robot), before)
+    robot.click_widget("head:variation:4")
+    robot.frames(2)
+    np.testing.assert_array_equal(skin(robot), chosen)
 
 
 def test_heads_are_mixed(robot: Robot) -> None:
@@ -135,6 +191,16 @@ def test_heads_are_mixed(robot: Robot) -> None:
         return float(np.linalg.norm(laid - mixed, axis=1).mean())
 
     assert distance(woman) < 0.1 * distance(before)
+    head = feature(robot)
+    line = head.mixtures.of(head.identity, head.other_head())
+    assert line is not None
+    assert line.value == 1.0
+    robot.key("Ctrl+Z")
+    assert head.mixtures.of(head.identity, head.other_head()) is None
+    robot.key("Ctrl+Y")
+    assert head.mixtures.of(head.identity, head.other_head()) is line
+    head.other = ""
+    assert head.mixtures.of(head.identity, head.other_head()) is None, "the share is that of the character chosen"
 
 
 def test_the_skin_is_edited(robot: Robot) -> None:

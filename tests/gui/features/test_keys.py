@@ -301,6 +301,21 @@ def test_the_animation_is_covered_and_the_best_frame_shown(robot: Robot) -> None
     assert covered.distances[27] < 0.1 * covered.limit
 
 
+def test_a_folder_that_is_gone_is_told_with_a_remedy(robot: Robot, folder: Path) -> None:
+    robot.click_widget("key:anger:target")
+    robot.frames(2)
+    shutil.rmtree(folder)
+    robot.key("Ctrl+S")
+    finish(robot)
+    assert "put it back, or choose another folder" in robot.app.dialogs.waiting[0].text
+    robot.key("Enter")
+    feature(robot).opened.read()
+    finish(robot)
+    error = feature(robot).opened.error
+    assert "choose or create another folder of key poses" in error
+    assert "keys init" not in error
+
+
 def test_keys_that_are_meshes_are_not_edited_here(robot: Robot, folder: Path) -> None:
     model = keys_of(robot).models["target"]
     assert model is not None
@@ -312,6 +327,53 @@ def test_keys_that_are_meshes_are_not_edited_here(robot: Robot, folder: Path) ->
     assert "change it in the program in which it was sculpted" in robot.app.dialogs.waiting[0].text
     robot.key("Enter")
     assert robot.app.session.model.character.name == "low"
+
+
+def test_the_status_bar_names_the_edited_key_while_the_strip_is_hidden(robot: Robot) -> None:
+    robot.click_widget("key:anger:target")
+    robot.frames(2)
+    assert robot.app.edited_instead == "", "the strip says it"
+    robot.click_widget("keys:close")
+    robot.frames(2)
+    assert robot.app.edited_instead == "Editing the target of Anger"
+    assert "status:edited" in robot.app.widget_rects
+    robot.click_widget("menu:Animate")
+    robot.click_widget("menu:key-poses")
+    robot.click_widget("keys-back")
+    robot.click_widget("keys:close")
+    robot.frames(2)
+    assert "status:edited" not in robot.app.widget_rects
+
+
+def test_an_edited_key_keeps_its_head(open_window: OpenWindow, tmp_path: Path) -> None:
+    poses = tmp_path / "poses"
+    poses.mkdir()
+    data = {"format": "faceposer.pose", "version": 1, "name": "Open", "weights": {"jawOpen": 0.8}}
+    (poses / "open.json").write_text(json.dumps(data))
+    create_keys(tmp_path / "keys", "man", "low", poses)
+    robot = open_window("man", (1300, 900), keys_folder=str(tmp_path / "keys"))
+    app = robot.app
+    assert app.actions["head-random"].enabled()
+    robot.click_widget("menu:Animate")
+    robot.click_widget("menu:key-poses")
+    finish(robot)
+    robot.click_widget("key:open:source")
+    robot.frames(2)
+    assert feature(robot).editing.edited is not None
+    for name in ("head-random", "head-average", "head-original", "head-variations", "head-save", "tool-head"):
+        assert not app.actions[name].enabled(), name
+    robot.click_widget("tab:Head")
+    robot.frames(3)
+    assert not [name for name in app.widget_rects if name.startswith("head:")]
+    app.toolbox.choose("head")
+    x, y = robot.at("8.3")
+    robot.drag((x, y), (x + 20, y + 20))
+    assert app.session.document.identity is None
+    assert "cannot be changed while a key pose is edited" in app.notice
+    robot.click_widget("keys-back")
+    robot.frames(2)
+    assert app.actions["head-random"].enabled()
+    assert app.actions["tool-head"].enabled()
 
 
 def test_importance_is_shown_on_the_face(robot: Robot) -> None:
@@ -342,13 +404,19 @@ def test_files_changed_by_others_change_the_clone_and_broken_ones_are_told(robot
     finish(robot)
     keys = feature(robot).opened.keys
     assert keys is not None
-    assert keys.transfer is None
-    assert str(path) in keys.problem
+    assert keys.transfer is not None
+    assert "fear" not in {pair.name for pair in keys.transfer.pairs}
+    assert str(path) in keys.left_out[0].problem
+    assert feature(robot).kind == ""
+    feature(robot).kind = "viseme"
+    robot.click_widget("keys:left-out")
+    robot.frames(4)
+    assert (feature(robot).kind, feature(robot).latest) == ("", "fear")
     assert "key:fear:target" in robot.app.widget_rects
     shutil.rmtree(folder)
     robot.frames(70)
     finish(robot)
-    assert "is not a folder of keys" in feature(robot).opened.error
+    assert "There is no folder" in feature(robot).opened.error
 
 
 def test_a_new_folder_is_made_for_the_chosen_target(robot: Robot, tmp_path: Path) -> None:
@@ -360,7 +428,7 @@ def test_a_new_folder_is_made_for_the_chosen_target(robot: Robot, tmp_path: Path
     assert robot.app.file_dialogs.open
     robot.key("Enter")
     finish(robot)
-    assert feature(robot).opened.folder == tmp_path / "low-creature-keys"
+    assert feature(robot).opened.folder == tmp_path / "low-poly-head-goblin-keys"
     assert len(keys_of(robot).keys) == 18
 
 
@@ -396,11 +464,14 @@ def test_keys_of_another_target_are_refused_and_poses_outside_told(robot: Robot)
     pose(robot, cheekPuff=1.0, noseSneerLeft=1.0, mouthLeft=1.0)
     state = robot.app.features[TransferFeature]
     robot.app.actions["transfer"].run()
-    state.to = "creature"
+    assert state.to != "creature"
+    # That of the open key poses is chosen, until the user chooses one.
     state.choose_method("examples")
     robot.frames(3)
+    assert state.to == "creature"
+    assert state.error == ""
     assert "outside the keys" in state.reach[1]
-    state.to = "woman"
+    state.choose_target("woman")
     robot.frames(3)
     assert state.to == "woman", "the target does not change by itself"
     assert state.error == "These key poses are for Goblin, not for Woman."
@@ -454,3 +525,38 @@ def test_the_session_that_is_put_aside_outlives_the_program(
     other.click_widget("choice:0")
     other.frames(2)
     np.testing.assert_allclose(other.app.session.coefficients, before, atol=1e-9)
+
+
+def test_narrow_strips_show_the_clone_beside_two_pairs(open_window: OpenWindow, folder: Path) -> None:
+    robot = open_window("low", (1280, 720), keys_folder=str(folder), ui_scale=1.5)
+    robot.app.actions["key-poses"].run()
+    finish(robot)
+    pose(robot, jawOpen=0.4)
+    robot.frames(3)
+    rects, panel = robot.app.widget_rects, feature(robot)
+    (left, top), (_, beside) = (rects.center(f"key:{name}:source") for name in ("anger", "fear"))
+    assert top == beside
+    assert rects.center("keys:present")[0] < rects.center("keys:clone")[0] < left
+    assert rects.center("keys:distance")[1] < robot.app.window.size[1]
+    assert "keys-compose" not in rects
+    take = np.outer(
+        np.linspace(0.0, 1.0, 20), robot.app.session.model.coefficients_of({"cheekPuff": 1.0, "mouthLeft": 1.0})
+    )
+    robot.app.feature(TimelineFeature).change(Keyframes.of_performance(Performance(take, 30.0)), "Take")
+    finish(robot)
+    covered = panel.covering.of_animation(keys_of(robot))
+    assert covered is not None
+    assert panel.covering.summary(covered).endswith(" % missed")
+    robot.click_widget("keys:best")
+    robot.frames(2)
+    assert robot.app.session.animation.frame == covered.best
+
+
+def test_a_replacement_that_is_another_key_is_refused(robot: Robot, folder: Path) -> None:
+    written = (folder / "source" / "fear.json").read_bytes()
+    choose_from_menu(robot, "key:fear:source", "replace-source")
+    robot.click_widget("choice:0")
+    finish(robot)
+    assert "is the neutral face of the source" in robot.app.dialogs.waiting[0].text
+    assert (folder / "source" / "fear.json").read_bytes() == written
+    assert not keys_of(robot).left_out

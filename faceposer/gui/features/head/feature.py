@@ -43,7 +43,7 @@ class HeadFeature(HeadState, Feature):
         """Return the entries of the menu "Head"."""
 
         def free() -> bool:
-            return self.applies and not self.context.busy
+            return self.applies and not self.context.busy and not self.context.session.head_held
 
         return (
             Action(
@@ -98,12 +98,10 @@ class HeadFeature(HeadState, Feature):
         self.model_changed()
 
     def model_changed(self) -> None:
-        """Discard lines and thumbnails of variations that another edit has left."""
+        """Discard thumbnails of variations that another edit has left."""
         shown = self.context.session.document.identity
-        if self.caricature is not None and self.caricature.result is not shown:
-            self.caricature = None
-        if self.mixture is not None and self.mixture.result is not shown:
-            self.mixture = None
+        if shown is None and self._editor is not None:
+            shown = self._editor.own
         if shown is None or not self.variations.offers(shown):
             self.variations.close()
 

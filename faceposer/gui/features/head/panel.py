@@ -23,21 +23,23 @@ from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slide
 from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import ACCENT_DARK, em
 from faceposer.gui.widgets.tooltips import tooltip
-from faceposer.identity.identity import Identity
+from faceposer.identity.identity import GROTESQUE, Identity
 
 if TYPE_CHECKING:
     from faceposer.identity.attributes import Attribute
     from faceposer.identity.editing import HeadEditor
 
+# Distance from the average, relative to people, up to which heads are like those of most people.
+_PEOPLE = 1.25
 # Distances from the average, relative to people, up to which a head is described by each text.
 _LIKELIHOODS = (
     (0.6, "nearly average"),
-    (1.25, "like most people"),
+    (_PEOPLE, "like most people"),
     (1.8, "unusual"),
     (float("inf"), "unlike people"),
 )
 _CLAMP = imgui.SliderFlags_.clamp_on_input.value
-_MOST_CARICATURE, _MOST_VARIETY = 2.5, 1.5
+_MOST_VARIETY = 1.5
 _SAME = 1e-3
 # Width of the labels of attributes, in font sizes.
 _LABEL = 7.6
@@ -56,6 +58,9 @@ class HeadPanel:
     def draw(self) -> None:
         """Draw the tab."""
         head, context = self._head, self._head.context
+        if context.session.head_held:
+            caption(context.session.head_held)
+            return
         editor = head.editor
         if editor is None:
             caption(head.failure or "Measuring the head...")
@@ -66,7 +71,7 @@ class HeadPanel:
         with disabled(context.toolbox.active or (context.playing and not head.busy)):
             self._draw_likelihood(editor)
             self._draw_random(editor)
-            self._draw_lines()
+            self._draw_lines(editor)
             self._draw_attributes(editor)
             draw_skin(head)
         if low:
@@ -108,6 +113,9 @@ class HeadPanel:
         context.widget_rects.record("head:variety")
         names = [*editor.segment_names, "skin"]
         width = button_width(len(names))
+        caption("Parts that change; click one to lock it")
+        # The longest name fills its button.
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (0.0, imgui.get_style().frame_padding.y))
         for i, name in enumerate(names):
             if i:
                 imgui.same_line()
@@ -119,6 +127,7 @@ class HeadPanel:
             tooltip(
                 f"{name.capitalize()}\n{'Changes' if free else 'Locked'}; click to {'lock' if free else 'unlock'} it"
             )
+        imgui.pop_style_var()
         shown, top = self._variations.shown, imgui.get_cursor_pos_y()
         if self._variations.scroll_to():
             imgui.set_scroll_y(top)
@@ -139,22 +148,30 @@ class HeadPanel:
 
     # Lines of heads
 
-    def _draw_lines(self) -> None:
+    def _draw_lines(self, editor: "HeadEditor") -> None:
         head, context = self._head, self._head.context
         row_label("Caricature", "Deviation from the average: 0 is the average head, 1 this one, more exaggerates it")
         imgui.set_next_item_width(-1.0)
-        value = 1.0 if head.caricature is None else head.caricature.value
-        changed, value = slider("##caricature", value, 0.0, _MOST_CARICATURE, "%.2f", _CLAMP)
+        present = head.caricatures.of(head.identity)
+        value = 1.0 if present is None else present.value
+        most = self._most_caricature(editor, head.identity if present is None else present.start)
+        changed, value = slider("##caricature", value, 0.0, most, "%.2f", _CLAMP)
         context.widget_rects.record("head:caricature")
 
         def scaled(before: Identity) -> Identity:
-            start = before if head.caricature is None else head.caricature.start
+            line = head.caricatures.of(before)
+            start = before if line is None else line.start
             result = start.scaled(value)
-            head.caricature = Line(start, None, value, result)
+            head.caricatures.add(result, Line(start, None, value))
             return result
 
         head.edit("caricature", "Caricature", changed, scaled)
         self._draw_mixture()
+
+    @staticmethod
+    def _most_caricature(editor: "HeadEditor", start: Identity) -> float:
+        """Return the factor at which ``start`` becomes grotesque, less for heads that are caricatures already."""
+        return GROTESQUE * max(min(_PEOPLE / max(editor.distance(start), 1e-6), 1.0), 1.0 / GROTESQUE)
 
     def _draw_mixture(self) -> None:
         head, context = self._head, self._head.context
@@ -172,25 +189,27 @@ class HeadPanel:
             imgui.end_combo()
         if not head.other:
             return
-        value = 0.0 if head.mixture is None else head.mixture.value
+        end = head.other_head()
+        assert end is not None
+        present = head.mixtures.of(head.identity, end)
+        value = 0.0 if present is None else present.value
         row_label("Share")
         imgui.set_next_item_width(-1.0)
         changed, percent = slider("##head-share", 100.0 * value, 0.0, 100.0, "%.0f %%", _CLAMP)
         context.widget_rects.record("head:share")
 
         def mixed(before: Identity) -> Identity:
-            start = before if head.mixture is None else head.mixture.start
-            end = head.other_head()
-            assert end is not None
+            line = head.mixtures.of(before, end)
+            start = before if line is None else line.start
             result = head.mixed(start, end, percent / 100.0)
-            head.mixture = Line(start, end, percent / 100.0, result)
+            head.mixtures.add(result, Line(start, end, percent / 100.0))
             return result
 
         head.edit("mixture", "Mix heads", changed, mixed)
 
     def _choose_other(self, name: str) -> None:
         head = self._head
-        before, head.other, head.mixture = head.other, name, None
+        before, head.other = head.other, name
         try:
             head.other_head()
         except FacePoserError as error:

@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
-from faceposer.gui.features.head.lines import Line
+from faceposer.gui.features.head.lines import Lines
 from faceposer.gui.widgets.dialogs import TextQuestion
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.model.character import Character
@@ -48,8 +48,8 @@ class HeadState:
         keeps_features: True if attributes of the person leave those of the face as they are.
         skin_follows: True if age and gender change a skin of the model, too.
         other: Character to mix with, as a name or path, or "".
-        caricature: Line through the average, or None before the slider is moved.
-        mixture: Line to the other character's head, or None.
+        caricatures: Lines through the average.
+        mixtures: Lines to heads of other characters.
     """
 
     def __init__(self, context: EditorContext) -> None:
@@ -59,8 +59,7 @@ class HeadState:
         self.keeps_features = False
         self.skin_follows = True
         self.other = ""
-        self.caricature: Line | None = None
-        self.mixture: Line | None = None
+        self.caricatures, self.mixtures = Lines(), Lines()
         self._job: ThreadJob[None] | None = None
         self._editor: HeadEditor | None = None
         # A character whose head could not be measured, and why.

@@ -94,7 +94,7 @@ class AddingDialog:
                 text = "Sculpt the target's mesh in another program."
             if replaced is not None:
                 sides = "both its sides are" if self._proposes else "its source is"
-                text = f"There is a key pose {replaced} already: {sides} replaced."
+                text = f"There is a key pose {replaced} already: {sides} replaced, which cannot be undone."
             caption(self._problem or text)
             imgui.set_cursor_pos_y(top + 2.0 * imgui.get_text_line_height_with_spacing())
             imgui.dummy((0.0, 0.0))

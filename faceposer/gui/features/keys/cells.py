@@ -16,8 +16,10 @@ from faceposer.session.key_set import KeySet, ListedKey
 if TYPE_CHECKING:
     from faceposer.gui.features.keys.commands import KeyCommands
 
-# Width of a picture, gap between pairs, height of the bar, in units of the font size.
-_PICTURE, _GAP, _BAR = 6.2, 0.7, 0.22
+# Gap between pairs, height of the bar, in units of the font size.
+_GAP, _BAR = 0.7, 0.22
+# Brightness of the pictures of keys that are left out.
+_DIM = 0.35
 _KIND_NOTES = {
     EXPRESSION: "Emotional key pose",
     VISEME: "Verbal key pose",
@@ -32,15 +34,22 @@ class KeyCells:
     def __init__(self, keys: "KeyCommands") -> None:
         """List the keys of ``keys``."""
         self._keys = keys
+        self._edited = ""
 
-    def draw(self, keys: KeySet, strengths: Mapping[str, float]) -> None:
-        """Draw the pairs, with ``strengths`` of the keys in the present pose by name."""
+    def draw(self, keys: KeySet, strengths: Mapping[str, float], picture: float) -> None:
+        """Draw the pairs, each ``picture`` that wide, with ``strengths`` of the keys in the present pose by name."""
         listed = self._keys.listed()
         if not listed:
             text = "There are no key poses of this kind." if keys.keys else "The folder is empty; add the present pose."
             caption(text)
             return
-        side, gap = round(em(_PICTURE)), round(em(_GAP))
+        edited = self._keys.editing.edited
+        name = "" if edited is None else edited.name
+        if name != self._edited:
+            # The height of the strip may have changed with the session.
+            self._keys.sought = name or self._edited
+            self._edited = name
+        side, gap = round(picture), round(em(_GAP))
         room = imgui.get_window_width() - imgui.get_style().scrollbar_size
         columns = max(int((room + gap) // (2 * side + 1 + gap)), 1)
         size = ImVec2(2 * side + 1, side + imgui.get_text_line_height() + em(_BAR + 0.1))
@@ -102,7 +111,10 @@ class KeyCells:
             draw.add_rect_filled(low, high, u32(FIELD))
             texture = feature.faces.thumbnail(key, one, round(side * context.pixel_ratio))
             if texture is not None:
-                draw.add_image(imgui.ImTextureRef(texture), low, high)
+                shade = imgui.color_convert_float4_to_u32((1.0, 1.0, 1.0, _DIM if key.problem else 1.0))
+                draw.add_image(imgui.ImTextureRef(texture), low, high, (0.0, 0.0), (1.0, 1.0), shade)
+                if key.problem and one == "source":
+                    draw.add_text((low.x + em(0.3), low.y + em(0.2)), u32(WARNING), Icon.WARNING)
             elif key.poses[one] is None:
                 extent = imgui.calc_text_size(Icon.WARNING)
                 place = (low.x + 0.5 * (side - extent.x), low.y + 0.5 * (side - extent.y))
@@ -121,7 +133,7 @@ class KeyCells:
     def _tip(self, key: ListedKey, one: Side, strength: float | None) -> str:
         lines = [f"{key.title}: {one}. Click to edit it"]
         if key.problem:
-            lines = [key.problem]
+            lines = [f"Left out of the clone. {key.problem}", *lines]
         elif one == "target" and key.proposed:
             lines.append("Proposed by a transfer, and not edited yet")
         lines.append(_KIND_NOTES[key.kind])
@@ -131,9 +143,15 @@ class KeyCells:
         return "\n".join(lines)
 
     def _draw_menu(self, key: ListedKey, one: Side) -> None:
+        # The pictures of a pair touch, the rows of its menu do not.
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, (em(0.6), em(0.54)))
+        if imgui.begin_popup_context_item(f"##key-menu-{one}"):
+            self._draw_commands(key)
+            imgui.end_popup()
+        imgui.pop_style_var()
+
+    def _draw_commands(self, key: ListedKey) -> None:
         feature = self._keys
-        if not imgui.begin_popup_context_item(f"##key-menu-{one}"):
-            return
         free = not feature.context.busy
         items: tuple[tuple[str, str, bool, Callable[[], None]], ...] = (
             ("edit-source", "Edit source", free, lambda: feature.editing.edit(key, "source")),
@@ -162,7 +180,6 @@ class KeyCells:
             if imgui.menu_item_simple(label, "", False, enabled):
                 run()
             feature.context.widget_rects.record(f"key-menu:{name}")
-        imgui.end_popup()
 
     def _draw_kinds(self, key: ListedKey, free: bool) -> None:
         for kind, title in KIND_TITLES.items():

@@ -115,6 +115,16 @@ class KeyCommands:
         chosen = [key for key in keys if not self.kind or key.kind == self.kind]
         return sorted(chosen, key=lambda key: _ORDER.index(key.kind))
 
+    def show_left_out(self) -> None:
+        """Show the next of the keys that are left out of the clone."""
+        keys = self.opened.keys
+        names = [] if keys is None else [key.name for key in keys.left_out]
+        if names:
+            following = names.index(self.latest) + 1 if self.latest in names else 0
+            self.latest = self.sought = names[following % len(names)]
+            self.kind = ""
+            self.context.redraw()
+
     def poses_side(self, side: Side) -> bool:
         """Return True if the session poses the character of this side."""
         keys = self.opened.keys
@@ -238,7 +248,7 @@ class KeyCommands:
                 "The key poses were not composed",
                 lambda progress: compose_keys(folder, progress=progress),
                 lambda report: self.context.notify(
-                    f"Composed {counted(report.composed, 'key pose')}; {report.keys} with the neutral face"
+                    f"Composed {counted(report.composed, 'key pose')}"
                     + (f"; kept {report.kept} that you changed" if report.kept else "")
                 ),
             )

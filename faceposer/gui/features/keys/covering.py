@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.timeline.track import frames_span
-from faceposer.gui.widgets.basic import disabled, fitted_button
+from faceposer.gui.widgets.basic import fitted_button
 from faceposer.gui.widgets.theme import ACCENT, FAINT, FIELD, INK, KEYED, WARNING, em, u32
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.model.face_model import FaceModel
@@ -22,6 +22,8 @@ from faceposer.transfer.key_coverage import OUTSIDE, coverage, helpful_frames
 
 # Largest number of weights, frames times keys times regions, that are computed while the window waits, in some 10 ms.
 _AT_ONCE = 100_000
+# Distance from the keys, in centimetres, below which a frame is reached: it is shown as 0.0 mm.
+_REACHED = 0.005
 #: Height of the graph in units of the font size.
 GRAPH = 1.5
 # Least width in pixels of the bar of a frame.
@@ -53,7 +55,8 @@ def _covered(keys: KeySet, model: FaceModel, performance: Performance, progress:
     poses = keys.source_poses(model, performance.coefficients)
     found = coverage(keys.transfer, poses, progress)
     helpful = helpful_frames(keys.transfer, poses, 1, progress=progress)
-    best, left = (helpful[0].frame, helpful[0].missed) if helpful else (None, 0.0)
+    reached = float(found.distances.max()) < _REACHED
+    best, left = (helpful[0].frame, helpful[0].missed) if helpful and not reached else (None, 0.0)
     limit = OUTSIDE * keys.source_model().character.height
     return Covered(found.distances, found.missed, limit, best, left)
 
@@ -139,15 +142,20 @@ class Covering:
             self._context.feature(TimelineFeature).go_to(covered.best)
 
     def button(self, covered: Covered, keys: KeySet, width: float) -> None:
-        """Draw the button that goes to the frame that would help most."""
-        label = "All frames covered" if covered.best is None else f"Go to frame {covered.best + 1}"
-        tip = self.text(covered)
-        if covered.best is not None:
-            share = f"{100.0 * covered.left:.1f} %"
-            tip += f"\nFrame {covered.best + 1} would help most as a key pose: with it, {share} of the motion is missed"
-        with disabled(covered.best is None):
-            if fitted_button(self._context.widget_rects, label, "keys:best", width, tip):
-                self.go_to_best(keys)
+        """Draw the button that goes to the frame that would help most, if there is one."""
+        if covered.best is None:
+            return
+        share = f"{100.0 * covered.left:.1f} %"
+        tip = (
+            f"{self.text(covered)}\nFrame {covered.best + 1} would help most as a key pose: with it, {share} of the "
+            "motion is missed"
+        )
+        if fitted_button(self._context.widget_rects, f"Go to frame {covered.best + 1}", "keys:best", width, tip):
+            self.go_to_best(keys)
+
+    def summary(self, covered: Covered) -> str:
+        """Return how much the keys cover, in a few words."""
+        return "all frames covered" if covered.best is None else f"{100.0 * covered.missed:.1f} % missed"
 
     def text(self, covered: Covered) -> str:
         """Return how much the keys miss, in one sentence."""

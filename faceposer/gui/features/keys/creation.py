@@ -17,6 +17,7 @@ from faceposer.gui.widgets.sliders import row_label
 from faceposer.gui.widgets.text import displayed, widget_id
 from faceposer.gui.widgets.theme import Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.poses.library import safe_stem
 from faceposer.session.key_folder import SUFFIXES
 from faceposer.session.key_proposals import Proposal
 
@@ -60,6 +61,8 @@ class CreationDialog:
         if to:
             self._titles.setdefault(to, Path(to).stem)
         source = context.session.document.character
+        # A character needs no key poses for itself.
+        self._titles.pop(source, None)
         self.to = to or (self.to if self.to in self._titles else "")
         if self.to in ("", source):
             self.to = next((name for name in self._titles if name != source), source)
@@ -140,7 +143,8 @@ class CreationDialog:
             self.open = False
             self._create(path, source, self.to, self.proposal)
 
-        name = f"{Path(source).stem}-{Path(self.to).stem}-keys"
+        titles = (self._context.session.model.character.title, self._titles.get(self.to, Path(self.to).stem))
+        name = safe_stem(" ".join((*titles, "keys")))
         place = last_folder(self._context.settings) / name
         self._context.ask_for_file(
             FileRequest("new folder", "New folder of key poses", "Key poses", SUFFIXES, place, chosen)

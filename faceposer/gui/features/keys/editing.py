@@ -16,6 +16,9 @@ from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 from faceposer.transfer.source_heads import is_same_rig, on_character
 
+# Key poses are of the characters themselves, and their files have no head.
+_HELD = "The head cannot be changed while a key pose is edited: go back from the key pose first."
+
 
 @dataclass(frozen=True, eq=False)
 class Edited:
@@ -98,6 +101,7 @@ class KeyEditing:
                 pose = on_character(session.model, listed, pose[None])[0]
                 document = session.document.with_start(pose).posed(pose)
                 session = Session(session.base_model, document, worker)
+            session.head_held = _HELD
             return session
 
         if context.show_session(opening, "The key pose cannot be edited"):

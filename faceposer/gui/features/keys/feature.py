@@ -29,6 +29,12 @@ class KeysFeature(KeyCommands, Feature):
         return 0.1 if self.work.busy or self.opened.reading or self.covering.busy else super().patience
 
     @property
+    def edited_instead(self) -> str:
+        """The key pose that is edited, which the strip says itself while it is shown."""
+        edited = None if self.shown else self.editing.edited
+        return "" if edited is None else f"Editing the {edited.side} of {edited.title}"
+
+    @property
     def is_modal(self) -> bool:
         """True while a dialog is shown."""
         return self.creation.open or self.adding.open or self.importance.open or self.work.busy

@@ -10,11 +10,11 @@ from faceposer.errors import counted
 from faceposer.gui.features.keys.cells import KeyCells
 from faceposer.gui.features.keys.covering import GRAPH, Covered
 from faceposer.gui.widgets.basic import action_button, caption
-from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.text import shortened, text_width, truncated
 from faceposer.gui.widgets.theme import ACCENT, FAINT, WARNING, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME
-from faceposer.session.key_set import KeySet
+from faceposer.session.key_set import KeySet, ListedKey
 from faceposer.transfer.key_coverage import reach_of
 from faceposer.transfer.key_parameters import REGIONS
 
@@ -22,22 +22,23 @@ if TYPE_CHECKING:
     from faceposer.gui.features.keys.commands import KeyCommands
 
 _PAD = 0.45
-# Height of the list of pairs, and width of the present pose with its clone, in units of the font size.
-_LIST, _LIVE = 15.6, 13.4
-_LOW_LIST = 8.2
+# In units of the font size: heights of the list of pairs with two rows and with one, width of the present pose with its
+# clone, and of the picture of a key, in a wide and in a narrow strip.
+_LIST, _LIVE, _PICTURE = (15.6, 13.4), (13.4, 8.6), (6.2, 4.6)
+_LOW_LIST = (8.2, 7.2)
 # Heights of the window from which there are two rows of pairs: without a timeline, and what that needs besides.
 _ROOM, _ROOM_OF_TIMELINE = 40.0, 16.0
-# Width of the strip below which the present pose is left out.
-_NARROW = 40.0
-# Width of the button that goes to a frame.
-_BEST = 9.5
+# Widths of the strip below which pictures are smaller and words fewer, and below which the present pose is left out.
+_NARROW, _NARROWEST = 46.0, 30.0
+# Widths of the button that goes to a frame, and of the one that shows keys that are left out.
+_BEST, _LEFT_OUT = (9.5, 8.2), (10.5, 7.0)
 _KINDS = (
     ("", "Show all key poses"),
     (EXPRESSION, "Show emotional key poses"),
     (VISEME, "Show verbal key poses"),
     (COMPOSED, "Show composed key poses"),
 )
-_REGION_LABELS = {"whole": "Clone the whole face", "halves": "Clone upper and lower half", "parts": "Clone parts"}
+_REGION_LABELS = {"whole": "Clone whole face", "halves": "Clone halves", "parts": "Clone parts"}
 
 
 class KeysPanel:
@@ -47,6 +48,8 @@ class KeysPanel:
         """Show the state of ``keys``."""
         self._keys = keys
         self._cells = KeyCells(keys)
+        # 1 if the strip is narrow, which is known when it is drawn.
+        self._narrow = 0
 
     @property
     def height(self) -> float:
@@ -65,11 +68,16 @@ class KeysPanel:
         keys = self._keys.opened.keys
         covered = keys is not None and self._keys.covering.of_animation(keys) is not None
         enough = _ROOM + (_ROOM_OF_TIMELINE if covered else 0.0)
-        return _LIST if imgui.get_main_viewport().size.y > em(enough) else _LOW_LIST
+        heights = _LIST if imgui.get_main_viewport().size.y > em(enough) else _LOW_LIST
+        return heights[self._narrow]
 
     def draw(self) -> None:
         """Draw the strip into the current window."""
         feature, pad = self._keys, em(_PAD)
+        narrow = int(imgui.get_window_width() < em(_NARROW))
+        if narrow != self._narrow:
+            self._narrow = narrow
+            feature.context.redraw()
         keys = feature.opened.keys
         covered = None if keys is None else feature.covering.of_animation(keys)
         if covered is not None:
@@ -99,49 +107,80 @@ class KeysPanel:
         rects.record("keys:menu")
         tooltip("Folder of key poses, and commands for all of them")
         self._draw_menu()
-        for name, label, width in (("keys-add", "Add...", 4.6), ("keys-compose", "Compose", 5.6)):
+        commands = (("keys-add", "Add...", 4.6), ("keys-compose", "Compose", 5.6))
+        edited = feature.editing.edited
+        # A narrow strip has the second one in the menu alone, and while a key is edited, both.
+        for name, label, width in commands[: (2, 1 if edited is None else 0)[self._narrow]]:
             imgui.same_line()
             action_button(rects, context.actions[name], em(width), label)
         imgui.same_line()
-        edited = feature.editing.edited
-        # From the right: close, back, save, or the frame that would help most.
-        buttons = [("keys-save", "Save key pose", 8.0), ("keys-back", "Back", 4.2)] if edited is not None else []
-        best = covered if edited is None else None
-        taken = sum(em(width + 0.4) for _, _, width in buttons) + em(1.8) + (em(_BEST + 0.4) if best else 0.0)
+        keys = feature.opened.keys
+        # From the right: close, back, save, or the frame that would help most, and keys that are left out.
+        save = ("keys-save", "Save", 4.2) if self._narrow else ("keys-save", "Save key pose", 8.0)
+        buttons = [save, ("keys-back", "Back", 4.2)] if edited is not None else []
+        best = covered if edited is None and covered is not None and covered.best is not None else None
+        left_out = keys.left_out if keys is not None and edited is None else []
+        widths = [width for _, _, width in buttons]
+        widths += [_LEFT_OUT[self._narrow]] * bool(left_out) + [_BEST[self._narrow]] * bool(best)
+        taken = sum(em(width + 0.4) for width in widths) + em(1.8)
         imgui.align_text_to_frame_padding()
-        self._draw_state(right - taken - imgui.get_cursor_pos_x() - em(0.8))
+        self._draw_state(right - taken - imgui.get_cursor_pos_x() - em(0.8), covered)
         imgui.same_line(right - taken)
         for name, label, width in buttons:
             action_button(rects, context.actions[name], em(width), label, strong=name == "keys-save")
             imgui.same_line()
-        keys = feature.opened.keys
+        if left_out:
+            self._draw_left_out(left_out)
+            imgui.same_line()
         if best is not None and keys is not None:
-            feature.covering.button(best, keys, em(_BEST))
+            feature.covering.button(best, keys, em(_BEST[self._narrow]))
             imgui.same_line()
         if imgui.button(f"{Icon.CLOSE}##keys-close", (em(1.8), 0.0)):
             feature.toggle()
         rects.record("keys:close")
         tooltip("Hide the key poses")
 
-    def _draw_state(self, room: float) -> None:
-        """Draw what is edited, or what is open, in ``room``."""
+    def _draw_left_out(self, keys: list[ListedKey]) -> None:
+        """Draw the button that shows the next of the ``keys`` that are left out."""
+        count = f"{len(keys)}" if self._narrow else counted(len(keys), "key pose")
+        tip = f"{keys[0].problem}\nClick to show the key pose" + (", and again for the next one" * (len(keys) > 1))
+        imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
+        # The colour is that of the button alone, not of its tooltip.
+        label = f"{Icon.WARNING}  {count} left out"
+        pressed = imgui.button(f"{label}##keys-left-out", (em(_LEFT_OUT[self._narrow]), 0.0))
+        imgui.pop_style_color()
+        self._keys.context.widget_rects.record("keys:left-out")
+        tooltip(tip)
+        if pressed:
+            self._keys.show_left_out()
+
+    def _draw_state(self, room: float, covered: Covered | None) -> None:
+        """Draw what is edited, or what is open and how much of the animation it covers, in ``room``."""
         feature = self._keys
         edited, keys = feature.editing.edited, feature.opened.keys
         if edited is not None:
             star = "*" if feature.editing.changed else ""
-            imgui.text_colored(ImVec4(*ACCENT), shortened(f"Editing the {edited.side} of {edited.title}{star}", room))
+            texts = [f"Editing the {edited.side} of {edited.title}{star}", f"{edited.title}: {edited.side}{star}"]
+            imgui.text_colored(ImVec4(*ACCENT), truncated(_fitting(texts, room), room))
+            tooltip(texts[0])
         elif feature.opened.reading and keys is None:
             imgui.text_colored(ImVec4(*FAINT), "Reading key poses...")
         elif keys is not None and (keys.problem or keys.notes):
             text = keys.problem or keys.notes
-            imgui.text_colored(ImVec4(*WARNING), shortened(f"{Icon.WARNING}  {text}", room))
+            imgui.text_colored(ImVec4(*WARNING), truncated(f"{Icon.WARNING}  {text}", room))
             tooltip(text)
         elif keys is not None:
             source, target = keys.models["source"], keys.models["target"]
             names = " to ".join(model.character.title for model in (source, target) if model is not None)
-            text = f"{names}: {counted(len(keys.keys), 'key pose')} in {keys.folder.folder.name}"
-            imgui.text_colored(ImVec4(*FAINT), shortened(text, room))
-            tooltip(f"{text}\n{keys.folder.folder}")
+            count = counted(len(keys.keys), "key pose")
+            text = f"{names}: {count} in {keys.folder.folder.name}"
+            said = "" if covered is None else feature.covering.summary(covered)
+            # The longest of these that fits.
+            texts = [f"{text}; {said}", f"{names}; {said}", f"{count}; {said}", said] if said else [text, names, count]
+            shown = _fitting(texts, room)
+            imgui.text_colored(ImVec4(*FAINT), truncated(shown[0].upper() + shown[1:], room))
+            tips = [text, *([] if covered is None else [feature.covering.text(covered)]), str(keys.folder.folder)]
+            tooltip("\n".join(tips))
         else:
             imgui.text_unformatted(" ")
 
@@ -196,14 +235,16 @@ class KeysPanel:
     def _draw_pairs(self, keys: KeySet) -> None:
         feature = self._keys
         pose = feature.present_pose()
-        wide = imgui.get_content_region_avail().x > em(_NARROW)
+        wide = imgui.get_content_region_avail().x > em(_NARROWEST)
         if pose is not None and keys.transfer is not None and wide:
-            imgui.begin_child("##keys-live", ImVec2(em(_LIVE), 0.0))
+            imgui.begin_child(
+                "##keys-live", ImVec2(em(_LIVE[self._narrow]), 0.0), 0, imgui.WindowFlags_.no_scrollbar.value
+            )
             self._draw_live(keys, pose)
             imgui.end_child()
             imgui.same_line(0.0, em(0.9))
         imgui.begin_child("##keys-list", ImVec2(0.0, 0.0))
-        self._cells.draw(keys, {} if pose is None else keys.strengths(pose))
+        self._cells.draw(keys, {} if pose is None else keys.strengths(pose), em(_PICTURE[self._narrow]))
         imgui.end_child()
 
     def _draw_live(self, keys: KeySet, pose: NDArray[np.float64]) -> None:
@@ -223,9 +264,17 @@ class KeysPanel:
         feature.context.widget_rects.record("keys:clone")
         tooltip("Its clone by the key poses")
         distance, sentence = reach_of(keys.transfer, pose)
+        measured = f"{10.0 * distance:.1f}\u00a0mm from the key poses"
         if sentence:
             imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
-            imgui.text_wrapped(sentence)
+            imgui.text_wrapped(f"{Icon.WARNING}  {measured}" if self._narrow else sentence)
             imgui.pop_style_color()
+            tooltip(sentence)
         else:
-            caption(f"The present pose and its clone; {10.0 * distance:.1f} mm from the key poses.")
+            caption(f"{measured}." if self._narrow else f"The present pose and its clone; {measured}.")
+        feature.context.widget_rects.record("keys:distance")
+
+
+def _fitting(texts: list[str], room: float) -> str:
+    """Return the first of ``texts`` that is no wider than ``room``, or the last one."""
+    return next((text for text in texts if text_width(text) <= room), texts[-1])

@@ -88,7 +88,7 @@ class TransferDialog:
         if opened:
             for name, title in state.characters:
                 if imgui.selectable(f"{displayed(title)}##{widget_id(name)}", name == state.to)[0]:
-                    state.to = name
+                    state.choose_target(name)
                 marks.record(f"transfer:to:{name}")
             imgui.end_combo()
         else:

@@ -59,6 +59,7 @@ class TransferFeature(TransferState, Feature):
         session, opened = self.context.session, self.by_keys.opened
         if self.method == "examples":
             opened.read_changes()
+        self._follow_keys()
         keys = (opened.keys, opened.error, opened.reading) if self.method == "examples" else ()
         inputs = (self.to, self.method, self.pairs, keys, session.revision, id(session))
         if inputs == self._last_input:

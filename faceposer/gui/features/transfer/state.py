@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
+from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.keys.feature import KeysFeature
@@ -60,6 +60,8 @@ class TransferState:
         self.added = ["8.3", "8.4"]
         self.characters: list[tuple[str, str]] = []
         self.lengths: tuple[list[float | None], list[float | None]] = ([], [])
+        # True if the user chose the target, which the open key poses do not change then.
+        self._chosen = False
         self._last_input: object = None
         self._transfer: Transfer | None = None
         self._scenes: tuple[Scene, Scene] | None = None
@@ -79,6 +81,7 @@ class TransferState:
         source = context.session.document.character
         if self.to in ("", source):
             self.to = next((name for name, _ in self.characters if name != source), source)
+            self._chosen = False
         self.open, self._last_input = True, None
         if self.method == "examples":
             self.choose_method("examples")
@@ -89,6 +92,18 @@ class TransferState:
         self.method = method
         if method == "examples":
             self.by_keys.opened.open_last()
+
+    def choose_target(self, name: str) -> None:
+        """Choose the character ``name`` as the target."""
+        self.to, self._chosen = name, True
+
+    def _follow_keys(self) -> None:
+        """Choose the target of the open key poses of this character, unless the user has chosen one."""
+        keys = self.by_keys.opened.keys
+        if self.method != "examples" or self._chosen or keys is None:
+            return
+        if keys.is_of("source", self.context.session.model):
+            self.choose_target_of_keys()
 
     @property
     def target_of_keys(self) -> tuple[str, str] | None:
@@ -122,7 +137,7 @@ class TransferState:
 
     def choose_file(self, path: Path) -> None:
         """Choose the character in the file ``path`` as the target."""
-        self.to = str(path)
+        self.choose_target(str(path))
         if all(name != self.to for name, _ in self.characters):
             self.characters = [*self.characters, (self.to, path.stem)]
 
@@ -185,7 +200,10 @@ class TransferState:
             raise FacePoserError(keys.problem)
         transfer = HeadTransfer(keys.transfer, source)
         distance, remark = reach_of(keys.transfer, transfer.converted(self.context.session.coefficients[None])[0])
-        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the key poses.", remark or keys.notes)
+        if not remark:
+            left_out = f"{counted(len(keys.left_out), 'key pose')} left out: see Edit." if keys.left_out else ""
+            remark = " ".join(filter(None, (keys.notes, left_out)))
+        self.reach = (f"The pose is {10.0 * distance:.1f} mm from the key poses.", remark)
         # The target may have been made anew since the keys were read.
         self._transfer, self.target = transfer, keys.transfer.target
 
