@@ -4,8 +4,6 @@ import json
 import math
 import os
 from collections.abc import Iterable, Sequence
-from os import fspath
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -92,21 +90,6 @@ def number(value: float, least: float, most: float, label: str) -> float:
     if not least <= found <= most:
         raise FacePoserError(f"{label} must be a number from {least:g} to {most:g}, not {_short_repr(value)}.")
     return found
-
-
-def path_of(value: object, label: str) -> Path:
-    """Return ``value`` as a path if it is a string or a path of text.
-
-    Raises:
-        FacePoserError: Otherwise; the message begins with ``label``.
-    """
-    try:
-        path = fspath(value)  # type: ignore[call-overload]
-    except TypeError:
-        path = None
-    if not isinstance(path, str):
-        raise FacePoserError(f"{label} must be a path, not {_short_repr(value)}.")
-    return Path(path)
 
 
 def frame_number(frame: int) -> int:

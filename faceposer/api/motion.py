@@ -190,7 +190,7 @@ class MotionMixin:
         from faceposer.film.expression import expression_of_film
         from faceposer.film.film import Span
 
-        path = checks.path_of(film, "The film")
+        path = Path(checks.path_name(film, "The film"))
         start = checks.number(start, 0.0, _LONGEST_FILM, "The start")
         end = None if end is None else checks.number(end, 0.0, _LONGEST_FILM, "The end")
         if end is not None and end <= start:

@@ -1,5 +1,7 @@
 """The face put back into photos of its session (docs/photo.md)."""
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +39,7 @@ class PhotosMixin:
         if isinstance(photo, bool) or not isinstance(photo, (int, np.integer)):
             raise FacePoserError("The number of a photo must be a whole number, from 0.")
         if path is not None:
-            path = checks.path_of(path, "The file")
+            path = Path(checks.path_name(path, "The file"))
             check_output(path, ".png")
         picture = photo_with_face(self.session, int(photo))
         if path is not None:

@@ -488,10 +488,10 @@ def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", [None, 5, b"x"])
 def test_what_is_no_path_is_refused(path: Any, tmp_path: Path) -> None:
     face = faceposer.load("woman")
-    with pytest.raises(FacePoserError, match="The film must be a path, not "):
+    with pytest.raises(FacePoserError, match="The film must be a name or a path, not "):
         face.follow_film(path)
     if path is not None:
-        with pytest.raises(FacePoserError, match="The file must be a path, not "):
+        with pytest.raises(FacePoserError, match="The file must be a name or a path, not "):
             face.put_back(0, path)
 
 
