@@ -192,14 +192,16 @@ class MotionMixin:
         from faceposer.film.expression import expression_of_film
         from faceposer.film.film import Span
 
-        checks.number(start, 0.0, _LONGEST_FILM, "The start")
-        if end is not None and checks.number(end, 0.0, _LONGEST_FILM, "The end") <= start:
+        path = checks.file_path(film, "The film")
+        start = checks.number(start, 0.0, _LONGEST_FILM, "The start")
+        end = None if end is None else checks.number(end, 0.0, _LONGEST_FILM, "The end")
+        if end is not None and end <= start:
             raise FacePoserError(f"The end of the part, {end:g} s, is not after its start, {start:g} s.")
-        checks.number(smoothness, 0.0, _LARGEST_SMOOTHNESS, "The smoothness")
+        smoothness = checks.number(smoothness, 0.0, _LARGEST_SMOOTHNESS, "The smoothness")
         if rate is not None:
-            checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
+            rate = checks.number(rate, _LOWEST_RATE, _HIGHEST_RATE, "The rate")
         found = expression_of_film(
-            checks.file_path(film, "A film"),
+            path,
             self.session.model,
             span=Span(start, end),
             rate=rate,

@@ -90,7 +90,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Solve and write the animation, and return the exit status."""
-    from faceposer.film.film import is_film
+    from faceposer.film.opening import is_film
     from faceposer.interchange.formats import check_writable
 
     check_writable(options.output, lambda form: form.animated)
@@ -104,9 +104,23 @@ def run(options: argparse.Namespace) -> int:
         from faceposer.cli.animate_film import animate_by_film
 
         return animate_by_film(options)
+    if options.motion.suffix.lower() not in TRAJECTORY_SUFFIXES:
+        raise _unusable(options.motion)
     if options.start is not None or options.end is not None or not options.colours or options.report is not None:
         raise FacePoserError("--from, --to, --landmarks-only and --report are for films, not for trajectories.")
     return _follow(options)
+
+
+def _unusable(path: Path) -> FacePoserError:
+    """Return the error of ``path``, which is neither a film nor trajectories."""
+    from faceposer.files import paths
+
+    if not paths.exists(path):
+        return FacePoserError(f"There is no film, folder or file of trajectories '{path}'; check the path.")
+    return FacePoserError(
+        f"'{path}' is neither a film nor trajectories; give a video, an animated .gif, a folder of pictures, or "
+        "trajectories (.csv, .json, .c3d or .trc)."
+    )
 
 
 def _follow(options: argparse.Namespace) -> int:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import counted
-from faceposer.film.film import Film, Span, check_span, open_film
+from faceposer.film.film import Film, Span, check_span
 from faceposer.film.following import FollowedHead, follow_head
+from faceposer.film.opening import open_film
 from faceposer.film.person import Person, find_person
 from faceposer.film.tracking import Track, Watch, track_face
 from faceposer.model.face_model import FaceModel
@@ -107,12 +108,18 @@ def _notes(film: Film, track: Track, head: FollowedHead) -> list[str]:
         )
     if track.others:
         notes.append(f"The film shows {counted(track.others, 'other face')}; the largest is followed.")
-    missing = int((~head.seen).sum())
-    if missing:
+    numbers = head.first + np.arange(len(head.seen))
+    given = np.isin(numbers, track.numbers)
+    missing, unseen = numbers[~given], numbers[given & ~head.seen]
+    if len(missing):
         notes.append(
-            f"In {missing} of {counted(len(head.seen), 'frame')} the face is not seen, or turned by more than 60 "
-            f"degrees, first at {(head.first + int(np.argmin(head.seen))) / film.rate:.2f} s; there, the expression "
-            "passes over from those around."
+            f"The film lacks {len(missing)} of {counted(len(numbers), 'frame')}, first at "
+            f"{missing[0] / film.rate:.2f} s; there, the expression passes over from those around."
+        )
+    if len(unseen):
+        notes.append(
+            f"In {len(unseen)} of {counted(int(given.sum()), 'frame')} the face is not seen, or turned by more than 60 "
+            f"degrees, first at {unseen[0] / film.rate:.2f} s; there, the expression passes over from those around."
         )
     return notes
 

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
-from faceposer.files import paths
 from faceposer.files.numbers import plain_float
-from faceposer.files.reading import open_file
 from faceposer.files.sample_rates import nearest_known
 
 #: Suffixes of films, for dialogs and for files dropped onto the window.
@@ -29,11 +27,6 @@ MOST_PIXELS = 8192 * 4608
 _SAME_RATE = 0.01
 # Rates of television that are no whole numbers, and the share by which they are missed in files that state them.
 _FRACTIONS, _EXACT = (24000 / 1001, 30000 / 1001, 60000 / 1001), 1e-5
-# What films begin with, and where.
-_SIGNS = (
-    *((4, b"ftyp"), (4, b"moov"), (4, b"mdat"), (4, b"wide"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "), (0, b"OggS")),
-    *((0, b"GIF8"), (0, b"\x00\x00\x01\xba"), (0, b"FLV\x01"), (0, b"0&\xb2u\x8ef\xcf\x11")),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,36 +116,6 @@ def seconds_of(text: str) -> float:
     return sum(part * 60.0**power for power, part in enumerate(reversed(parts)))
 
 
-def is_film(path: Path) -> bool:
-    """Return True if ``path`` is a film by its ending or its first bytes, or a folder, of pictures."""
-    if path.suffix.lower() in FILM_SUFFIXES or paths.is_dir(path):
-        return True
-    try:
-        with open_file(path) as file:
-            head = file.read(16)
-    except OSError:
-        return False
-    return any(head[at:].startswith(sign) for at, sign in _SIGNS)
-
-
-def open_film(path: Path, rate: float | None = None) -> Film:
-    """Return the film ``path``: a video, an animated GIF, or a folder of pictures.
-
-    Args:
-        path: File or folder.
-        rate: Frames per second at which it is sampled, and of pictures in a folder; its own if None.
-
-    Raises:
-        FacePoserError: If it cannot be read, or has no pictures; or if it is a video, and PyAV is missing.
-    """
-    from faceposer.film.pictures import AnimatedImage, PictureFolder
-    from faceposer.film.video import Video
-
-    if paths.is_dir(path):
-        return PictureFolder(path, rate)
-    return AnimatedImage(path, rate) if path.suffix.lower() == ".gif" else Video(path, rate)
-
-
 def usual_rate(rate: float) -> float:
     """Return the rate of cameras near ``rate``, the mean of a film, or that if none is near, up to `FASTEST`."""
     exact = min(_FRACTIONS, key=lambda fraction: abs(fraction - rate))
@@ -193,5 +156,5 @@ def too_long(film: Film, n_frames: int | None = None) -> FacePoserError:
     count = f"{n_frames:,}" if n_frames is not None else f"more than {MOST_FRAMES:,}"
     return FacePoserError(
         f"The film '{film.path}' has {count} frames, and at most {MOST_FRAMES:,} are used, "
-        f"{MOST_FRAMES / film.rate:.0f} seconds; choose a part with --from and --to, or a lower rate."
+        f"{MOST_FRAMES / film.rate:.0f} seconds; choose a shorter part."
     )

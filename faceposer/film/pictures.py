@@ -10,7 +10,7 @@ from PIL import Image, UnidentifiedImageError
 
 from faceposer.errors import FacePoserError
 from faceposer.files.images import open_image
-from faceposer.files.paths import files_in
+from faceposer.files.paths import can_enter, files_in
 from faceposer.files.reading import open_file
 from faceposer.files.sample_rates import USUAL_RATE
 from faceposer.film.film import FilmFrame, Span, check_size, reduced_size, usual_rate
@@ -32,6 +32,8 @@ class PictureFolder:
             FacePoserError: If there are none, or the first cannot be read.
         """
         self.path = path
+        if not can_enter(path):
+            raise FacePoserError(f"The folder '{path}' cannot be read; change its permissions.")
         self._files = sorted(files_in(path, *PHOTO_SUFFIXES), key=_in_order)
         if not self._files:
             raise FacePoserError(

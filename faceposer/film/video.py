@@ -13,7 +13,7 @@ from faceposer.files.reading import open_file
 from faceposer.files.sample_rates import USUAL_RATE
 from faceposer.film.film import FilmFrame, Span, check_size, reduced_size, usual_rate
 
-_MISSING = "Films need PyAV, which is not installed; install it with pip install 'faceposer[film]'."
+_MISSING = "needs PyAV, which is not installed; install it with pip install 'faceposer[film]'."
 # Playlists, which may name other files and addresses, are not among them.
 _CONTAINERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,asf,flv,live_flv,ogg,mxf,dv,h264,hevc,m4v,mpegvideo,"
@@ -23,6 +23,8 @@ _OPTIONS = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "none"}
 # Threads of a decoder, each of which keeps frames.
 _THREADS = 2
 _LEAST_RATE = 1.0
+# Seconds, and share of the film, by which frames may end before the time that the file states.
+_END_SECONDS, _END_SHARE = 0.5, 0.02
 
 
 class Video:
@@ -50,6 +52,7 @@ class Video:
                 stated = USUAL_RATE
             self.rate = usual_rate(stated) if rate is None else rate
             seconds = self._time_of(stream, stream.duration) or float(container.duration or 0) * 1e-6
+            self._seconds = seconds
             self.n_frames: int | None = max(round(seconds * self.rate), 1) if seconds > 0.0 else None
             first = next(self._decoded(container, stream), None)
             if first is None:
@@ -84,8 +87,29 @@ class Video:
                 if number <= before or number < first:
                     continue
                 before = number
+                if frame.is_corrupt:
+                    raise self._damaged(number / self.rate, number > first)
                 pixels = frame.to_ndarray(format="rgb24", width=width, height=height, interpolation="AREA")
                 yield FilmFrame(number, self._turned(pixels))
+        self._check_end((before + 1) / self.rate, last / self.rate)
+
+    def _check_end(self, end: float, wanted: float) -> None:
+        """Note it if the frames end at ``end`` seconds, long before ``wanted`` and the time that the file states."""
+        stated = self._seconds
+        if 0.0 < end < min(wanted, stated) - max(_END_SECONDS, _END_SHARE * stated):
+            note = (
+                f"The film states {stated:.2f} s, but its pictures end at {end:.2f} s; if it should go on, copy it "
+                "again."
+            )
+            if note not in self.notes:
+                self.notes = (*self.notes, note)
+
+    def _damaged(self, at: float, started: bool) -> FacePoserError:
+        """Return the error of a film that is damaged at ``at`` seconds, with frames before that if ``started``."""
+        remedy = f"choose a part that ends before {at:.2f} s, or copy the film again" if started else "copy it again"
+        return FacePoserError(
+            f"The film '{self.path}' is damaged at frame {round(at * self.rate)} ({at:.2f} s); {remedy}."
+        )
 
     def _turned(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         return np.ascontiguousarray(np.rot90(pixels, self._quarters))
@@ -108,11 +132,7 @@ class Video:
             except StopIteration:
                 return
             except FFmpegError as error:
-                at = time - self._start
-                remedy = f"end before it with --to {at:.2f}, or copy the film again" if started else "copy it again"
-                raise FacePoserError(
-                    f"The film '{self.path}' is damaged at frame {round(at * self.rate)} ({at:.2f} s); {remedy}."
-                ) from error
+                raise self._damaged(time - self._start, started) from error
             own = self._time_of(stream, frame.pts)
             time = own if own is not None else time + step * started
             started = True
@@ -122,17 +142,17 @@ class Video:
     def _opened(self) -> Iterator[tuple[Any, Any]]:
         """Open the file, and yield its container and its video stream."""
         try:
-            import av
-        except ImportError as error:
-            raise FacePoserError(_MISSING) from error
-        av.logging.set_level(None)
-        try:
             file = open_file(self.path)
         except FileNotFoundError as error:
             raise FacePoserError(f"There is no film '{self.path}'; check the path.") from error
         except OSError as error:
             raise FacePoserError(f"The film '{self.path}' cannot be read: {error.strerror}.") from error
         with file:
+            try:
+                import av
+            except ImportError as error:
+                raise FacePoserError(f"The film '{self.path}' {_MISSING}") from error
+            av.logging.set_level(None)
             try:
                 container = av.open(file, options=dict(_OPTIONS))
             except (av.error.FFmpegError, ValueError, OSError) as error:

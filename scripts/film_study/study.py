@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import cKDTree
 
-from faceposer.film.film import Film, Span, open_film
+from faceposer.film.film import Film, Span
 from faceposer.film.following import follow_head
+from faceposer.film.opening import open_film
 from faceposer.film.person import find_person
 from faceposer.film.tracking import Track, track_face
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places

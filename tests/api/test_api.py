@@ -485,6 +485,22 @@ def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
         face.transfer_to("man", "examples", keys=keys.folder)
 
 
+@pytest.mark.parametrize("path", [None, 5, b"x"])
+def test_what_is_no_path_is_refused(path: Any, tmp_path: Path) -> None:
+    face = faceposer.load("woman")
+    with pytest.raises(FacePoserError, match="The film must be a name or a path, not "):
+        face.follow_film(path)
+    if path is not None:
+        with pytest.raises(FacePoserError, match="The file must be a name or a path, not "):
+            face.put_back(0, path)
+
+
+@pytest.mark.parametrize("start", ["x", "2", None])
+def test_times_of_a_film_must_be_numbers(start: Any, tmp_path: Path) -> None:
+    with pytest.raises(FacePoserError, match="The start must be a number from 0 to "):
+        faceposer.load("woman").follow_film(tmp_path / "a.gif", start=start)
+
+
 def test_wrong_arguments_of_key_poses_are_told(tmp_path: Path) -> None:
     folder: Any = tmp_path / "keys"
     wrong: tuple[Any, ...] = (None, 5, ["a"], b"a")

@@ -168,6 +168,8 @@ def test_a_film_becomes_an_animation_with_session_and_report(
         (("{film}", "--from", "100"), "choose a part that begins before its end"),
         (("{jaw}", "--to", "1"), "are for films, not for trajectories"),
         (("{none}",), "There is no film"),
+        (("{nowhere}",), "There is no film, folder or file of trajectories"),
+        (("{picture}",), "is neither a film nor trajectories; give a video, an animated .gif, a folder of pictures"),
     ],
 )
 def test_films_and_options_that_do_not_fit_are_refused(
@@ -175,7 +177,10 @@ def test_films_and_options_that_do_not_fit_are_refused(
 ) -> None:
     pytest.importorskip("av", reason="the extra 'film' is not installed")
     out = tmp_path / "out.json"
+    picture = tmp_path / "ok.jpg"
+    picture.write_bytes(b"\xff\xd8\xff" + bytes(20))
     named = {"film": frames_folder, "jaw": jaw, "none": tmp_path / "none.mp4", "out": out}
+    named |= {"nowhere": tmp_path / "nowhere", "picture": picture}
     assert run("animate", "man", *(word.format(**named) for word in words), "-o", out) == 2
     assert message in " ".join(capsys.readouterr().err.split())
     assert not out.exists()

@@ -96,6 +96,15 @@ def test_the_largest_of_several_faces_is_followed(man: FaceModel, tmp_path: Path
     assert all(face is not None and face.box[2] < 205 for face in found.track.faces)
 
 
+def test_frames_that_the_film_lacks_are_not_said_to_lack_the_face(man: FaceModel, tmp_path: Path) -> None:
+    frames = still_face(4)
+    path = encode(tmp_path / "gap.mkv", frames, 10, times=[0.0, 0.1, 0.2, 0.6])
+    found = landmarks_of_film(path, man, rate=10.0)
+    assert len(found.performance) == 7
+    assert any(note.startswith("The film lacks 3 of 7 frames, first at 0.30 s;") for note in found.notes)
+    assert not any("the face is not seen" in note for note in found.notes)
+
+
 def test_frames_without_the_face_are_bridged(
     followed: FilmExpression, speaking: list[Pixels], man: FaceModel, tmp_path: Path
 ) -> None:

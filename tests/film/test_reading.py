@@ -1,7 +1,11 @@
 """Films are read in any form, or refused in one sentence."""
 
+import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +13,10 @@ from PIL import Image
 
 from faceposer.errors import FacePoserError
 from faceposer.film import film as films
-from faceposer.film.film import Span, check_span, is_film, open_film, seconds_of
+from faceposer.film import pictures
+from faceposer.film.film import Span, check_span, seconds_of
+from faceposer.film.opening import is_film, open_film
+from faceposer.film.video import Video
 from tests.film.films import Pixels, encode, only_sound, turned_clockwise
 
 _GREY = (40, 80, 120, 160, 200, 240)
@@ -102,8 +109,10 @@ def test_a_folder_and_a_gif_are_films_without_pyav(tmp_path: Path, monkeypatch: 
 def test_pyav_is_asked_for_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.mp4").write_bytes(b"\0\0\0\x18ftypmp42" + bytes(100))
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(FacePoserError, match=r"^Films need PyAV, .* pip install 'faceposer\[film\]'\.$"):
+    with pytest.raises(FacePoserError, match=r"^The film '.*a\.mp4' needs PyAV, .* 'faceposer\[film\]'\.$"):
         open_film(tmp_path / "a.mp4")
+    with pytest.raises(FacePoserError, match=r"^There is no film '.*none\.mp4'; check the path"):
+        open_film(tmp_path / "none.mp4")
 
 
 def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
@@ -132,15 +141,57 @@ def test_damage_in_the_middle_is_named(tmp_path: Path) -> None:
     data[len(data) // 2 : len(data) // 2 + 4000] = b"\xff" * 4000
     path.write_bytes(data)
     with pytest.raises(
-        FacePoserError, match=r"'.*a\.mkv' is damaged at frame \d+ \(\d\.\d\d s\); end before it with --to"
+        FacePoserError, match=r"'.*a\.mkv' is damaged at frame \d+ \(\d\.\d\d s\); choose a part that ends before"
     ):
         list(open_film(path).frames(Span(), 160))
+
+
+def test_a_film_that_ends_before_its_stated_time_is_noted(tmp_path: Path) -> None:
+    path = encode(tmp_path / "a.mkv", steps(160, 120) * 5, 10)
+    film = open_film(path)
+    assert len(list(film.frames(Span(), 160))) == 30
+    assert film.notes == ()
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    film = open_film(path)
+    n_read = len(list(film.frames(Span(), 160)))
+    assert 0 < n_read < 25
+    assert len(film.notes) == 1
+    assert re.match(rf"The film states 3\.00 s, but its pictures end at {n_read / 10:.2f} s; ", film.notes[0])
+    part = open_film(path)
+    list(part.frames(Span(0.0, 0.2), 160))
+    assert part.notes == ()
+
+
+def test_frames_marked_as_corrupt_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    film = Video(encode(tmp_path / "a.mp4", steps(), 10))
+    decoded = film._decoded
+
+    def damaged(container: Any, stream: Any) -> Iterator[tuple[Any, float]]:
+        for frame, time in decoded(container, stream):
+            array = frame.to_ndarray(format="rgb24")
+            corrupt = SimpleNamespace(is_corrupt=time > 0.25, to_ndarray=lambda array=array, **_: array)
+            yield corrupt, time
+
+    monkeypatch.setattr(film, "_decoded", damaged)
+    assert len(list(film.frames(Span(0.0, 0.3), 64))) == 3
+    with pytest.raises(FacePoserError, match=r"damaged at frame 3 \(0\.30 s\); choose a part that ends before 0\.30 s"):
+        list(film.frames(Span(), 64))
+
+
+def test_a_folder_that_cannot_be_entered_is_said_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Administrators may enter all folders.
+    monkeypatch.setattr(pictures, "can_enter", lambda _path: False)
+    with pytest.raises(FacePoserError, match=r"'.*' cannot be read; change its permissions"):
+        open_film(tmp_path)
 
 
 def test_sizes_are_checked_before_memory_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = encode(tmp_path / "a.mp4", steps(), 10)
     monkeypatch.setattr(films, "MOST_FRAMES", 4)
-    with pytest.raises(FacePoserError, match=r"has 6 frames, and at most 4 are used, 0 seconds; choose a part"):
+    with pytest.raises(FacePoserError, match=r"has 6 frames, and at most 4 are used, 0 seconds; choose a shorter"):
+        check_span(open_film(path), Span())
+    with pytest.raises(FacePoserError, match=r"choose a shorter part\.$"):
         check_span(open_film(path), Span())
     check_span(open_film(path), Span(0.2))
     monkeypatch.setattr(films, "MOST_PIXELS", 1000)

@@ -20,6 +20,8 @@ from faceposer.gui.widgets.widget_rects import WidgetRects
 
 # Maximum number of listed files; further ones can be opened by their names.
 _MAX_FILES = 20_000
+# Most endings that are named.
+_SUFFIXES = 6
 
 
 class PathBrowser:
@@ -177,7 +179,9 @@ class PathBrowser:
                     return f"Will be saved as {saved.name}", suffix_replaced(typed, saved)
         if request.purpose == "new folder":
             return "Name of a new folder, or a path", False
-        return f"Name or path ({', '.join(request.suffixes)})", False
+        endings = ", ".join(request.suffixes[:_SUFFIXES])
+        more = " and others" if len(request.suffixes) > _SUFFIXES else ""
+        return f"Name or path ({endings}{more})", False
 
     def draw(self, fonts: Fonts, rects: WidgetRects) -> Path | None:
         """Draw the browser and return the chosen path, if any."""

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from faceposer.film.film import FILM_SUFFIXES
 from faceposer.gui.events import Drop
 from faceposer.gui.features.film.feature import FilmFeature
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.testing.scripted_user import Robot
+from faceposer.gui.widgets.file_request import FileRequest
+from faceposer.gui.widgets.path_browser import PathBrowser
 from faceposer.model.face_model import FaceModel
 from tests.film.films import speaking_face
 from tests.windows import OpenWindow
@@ -120,3 +123,10 @@ def test_cancelled_work_changes_nothing(open_window: OpenWindow, film: Path) -> 
     assert feature.error == ""
     assert not robot.app.features[TimelineFeature].keyframes.keys
     assert not robot.app.session.dirty
+
+
+def test_the_first_of_many_endings_are_named(tmp_path: Path) -> None:
+    films = PathBrowser(FileRequest("open", "Open film", "Films", FILM_SUFFIXES, tmp_path, print))
+    assert films.advice() == ("Name or path (.mp4, .m4v, .mov, .mkv, .webm, .avi and others)", False)
+    poses = PathBrowser(FileRequest("open", "Open pose", "Poses", (".json",), tmp_path, print))
+    assert poses.advice() == ("Name or path (.json)", False)

@@ -115,9 +115,9 @@ class AnimationFilesFeature(Feature):
         context.dialogs.ask(
             Question(
                 f"How many keys for {path.name}?",
-                f"The animation has {length}, {performance.seconds:.2f} s. {len(few.keys)} keys are enough to "
-                f"reproduce every shape within {TOLERANCE:g}, and are easier to edit. A key at every frame keeps the "
-                f"animation unchanged.{_remarks(read.note)}",
+                f"The animation has {length}, {performance.seconds:.2f} s. With "
+                f"{counted(len(few.keys), 'key')}, differences are small, and the animation is easier to edit. A key "
+                f"at every frame keeps the animation unchanged.{_remarks(read.note)}",
                 (
                     Choice(f"{len(few.keys)} keys", lambda: load(few)),
                     Choice("Every frame", lambda: load(dense)),

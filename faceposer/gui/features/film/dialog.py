@@ -6,7 +6,6 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
-from faceposer.animation.keyframes import TOLERANCE
 from faceposer.errors import counted
 from faceposer.gui.features.film.state import FilmState
 from faceposer.gui.widgets.basic import caption, text_field, wrapped_text
@@ -147,8 +146,8 @@ class FilmDialog:
         with modal_body(buttons):
             wrapped_text(
                 f"The animation has {counted(len(performance), 'frame')} at {performance.rate:.5g} fps, "
-                f"{performance.seconds:.2f} s. {n_few} keys are enough to reproduce every shape within {TOLERANCE:g}, "
-                "and are easier to edit. A key at every frame keeps the animation unchanged."
+                f"{performance.seconds:.2f} s. With {counted(n_few, 'key')}, differences are small, and the animation "
+                "is easier to edit. A key at every frame keeps the animation unchanged."
             )
             for note in result.found.notes:
                 caption(note)

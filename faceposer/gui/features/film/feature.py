@@ -9,7 +9,8 @@ from imgui_bundle import ImVec2, imgui
 
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
-from faceposer.film.film import FILM_SUFFIXES, open_film
+from faceposer.film.film import FILM_SUFFIXES
+from faceposer.film.opening import open_film
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
 from faceposer.gui.feature import Feature

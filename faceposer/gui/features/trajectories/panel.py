@@ -2,7 +2,6 @@
 
 from imgui_bundle import imgui
 
-from faceposer.animation.keyframes import TOLERANCE
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.trajectories.options import ShownTrajectories
 from faceposer.gui.widgets.basic import action_button, button_width, caption, choice
@@ -39,7 +38,7 @@ def draw_trajectory_options(context: EditorContext, shown: ShownTrajectories) ->
     context.widget_rects.record("smoothness")
     tooltip("Smoothness of the motion. 0 follows every jitter of the hand.")
     tips = (
-        f"Set as few keys as reproduce every shape within {TOLERANCE:g}.",
+        "Set few keys, with small differences; they are easier to edit.",
         "Set a key at every frame.",
     )
     options.few_keys = not choice(
