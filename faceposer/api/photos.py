@@ -38,7 +38,7 @@ class PhotosMixin:
         if isinstance(photo, bool) or not isinstance(photo, (int, np.integer)):
             raise FacePoserError("The number of a photo must be a whole number, from 0.")
         if path is not None:
-            target = checks.file_path(path, "The file")
+            target = checks.file_path(path)
             check_output(target, ".png")
             check_no_photo(self.session.document, target)
         picture = photo_with_face(self.session, int(photo))

@@ -491,7 +491,7 @@ def test_what_is_no_path_is_refused(path: Any, tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match="The film must be a name or a path, not "):
         face.follow_film(path)
     if path is not None:
-        with pytest.raises(FacePoserError, match="The file must be a name or a path, not "):
+        with pytest.raises(FacePoserError, match="The path must be a name or a path, not "):
             face.put_back(0, path)
 
 

@@ -221,6 +221,6 @@ def test_pictures_do_not_replace_the_photos_of_the_session(tmp_path: Path) -> No
     with face.session.edit("Open a photo"):
         face.session.replace(replace(face.session.document, photos=(Photo(str(photo), (8, 6)),)))
     for write in (lambda: face.render(photo), lambda: face.put_back(path=photo)):
-        with pytest.raises(FacePoserError, match="is (also an input|a photo of the session)"):
+        with pytest.raises(FacePoserError, match=r"is (also an input|a photo of the session)"):
             write()
     assert photo.read_bytes() == content
