@@ -167,7 +167,8 @@ class GltfFile:
         try:
             document = parse_json(bytes(text))
         except FacePoserError as error:
-            reason = "it does not begin as a .glb does" if path.suffix.lower() == ".glb" else error
+            binary = path.suffix.lower() == ".glb" and not bytes(text[:512]).isascii()
+            reason = "it does not begin as a .glb does" if binary else error
             raise FacePoserError(f"'{path}' is not glTF: {reason}; export it again.") from error
         if not isinstance(document, dict) or not isinstance(document.get("asset"), dict):
             raise FacePoserError(f"The rig '{path}' is not glTF: it has no 'asset'; export it again as glTF 2.")

@@ -562,6 +562,7 @@ def test_buffers_elsewhere(tmp_path: Path, uri: str, said: str) -> None:
     [
         (b"", "not valid JSON at line 1, column 1"),
         (b"glTF", "truncated after 4 bytes"),
+        (b"\xff\xfe\x00garbage", "does not begin as a .glb does"),
         (b'{"asset": {"version": "2.0"},\n nodes', "line 2, column 2"),
         (b"[" * 100_000, "not glTF"),
         (b"\xff\xfe\xfd", "not glTF"),
