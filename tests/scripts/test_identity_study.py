@@ -87,7 +87,7 @@ def test_hair_covers_the_scalp_alone() -> None:
 
 
 def test_eos_fits_landmarks() -> None:
-    pytest.importorskip("eos")
+    pytest.importorskip("eos", reason="eos is not installed: faceposer[bench]")
     basis = shipped_basis()
     # A small model keeps it quick; its landmarks are exact.
     basis = replace(basis, modes=basis.modes[:10])

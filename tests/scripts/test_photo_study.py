@@ -24,7 +24,7 @@ def test_other_lights_keep_the_lamp_and_are_brighter_from_above() -> None:
     assert (found[0] > found[1] + 0.1).all()
 
 
-@pytest.mark.skipif(not has_eos(), reason="eos is not installed")
+@pytest.mark.skipif(not has_eos(), reason="eos is not installed: faceposer[bench]")
 def test_eos_recovers_coefficients_of_points_seen_from_the_side() -> None:
     rng = np.random.default_rng(0)
     mean, modes = 5.0 * rng.standard_normal((300, 3)), rng.standard_normal((4, 300, 3))

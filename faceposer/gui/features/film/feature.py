@@ -13,16 +13,15 @@ from faceposer.film.film import FILM_SUFFIXES
 from faceposer.film.opening import open_film
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
-from faceposer.gui.feature import Feature
 from faceposer.gui.features.animation_files.feature import AnimationFilesFeature
 from faceposer.gui.features.film.dialog import FilmDialog
 from faceposer.gui.features.film.state import FilmState
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.pictures import Picture
 from faceposer.gui.widgets.theme import EDGE, em, u32
+from faceposer.gui.work_feature import WorkFeature
 from faceposer.session.jobs import outcome
 from faceposer.session.session import Session
 
@@ -44,7 +43,7 @@ class _Shown:
     rate: float
 
 
-class FilmFeature(FilmState, Feature):
+class FilmFeature(FilmState, WorkFeature):
     """The dialog that animates the face by a film, and the film beside the face.
 
     Attributes:
@@ -53,34 +52,16 @@ class FilmFeature(FilmState, Feature):
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        Feature.__init__(self, context)
+        WorkFeature.__init__(self, context)
         self._dialog = FilmDialog(self)
         self.visible = True
         self._shown: _Shown | None = None
         self._picture = Picture()
 
     @property
-    def patience(self) -> float:
-        """Seconds for which the loop may sleep."""
-        return 0.1 if self.job is not None else super().patience
-
-    @property
-    def is_modal(self) -> bool:
-        """True while the dialog is shown."""
-        return self.open
-
-    @property
-    def blocks_files(self) -> bool:
-        """True if dropped files are ignored: while work is in progress."""
-        return self.job is not None
-
-    @property
-    def quit_question(self) -> Question | None:
-        """Question before the window closes while a film is followed."""
-        if self.job is None:
-            return None
-        choices = (Choice("Quit"), Choice("Continue"))
-        return Question("Cancel the work and quit?", "The face in a film is being followed.", choices, default=1)
+    def working(self) -> str:
+        """What is being done in the background, as a sentence, or ""."""
+        return "" if self.job is None else "The face in a film is being followed."
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entries of the menus."""

@@ -5,45 +5,25 @@ from pathlib import Path
 
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
-from faceposer.gui.feature import Feature
 from faceposer.gui.features.head_making.dialog import HeadDialog
 from faceposer.gui.features.head_making.state import H, HeadMaking, M
-from faceposer.gui.widgets.dialogs import Choice, Question
+from faceposer.gui.work_feature import WorkFeature
 from faceposer.session.jobs import outcome
 
 
-class HeadMakingFeature(HeadMaking[M, H], Feature):
+class HeadMakingFeature(HeadMaking[M, H], WorkFeature):
     """A dialog that makes a character of a person; subclasses say of what, and how."""
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        Feature.__init__(self, context)
+        WorkFeature.__init__(self, context)
         self.dialog = HeadDialog(self)
         self._on_forget = self.dialog.forget
 
     @property
-    def patience(self) -> float:
-        """Seconds for which the loop may sleep."""
-        return 0.1 if self.job is not None else super().patience
-
-    @property
-    def is_modal(self) -> bool:
-        """True while the dialog is shown."""
-        return self.open
-
-    @property
-    def blocks_files(self) -> bool:
-        """True if dropped files are ignored: while work is in progress."""
-        return self.job is not None
-
-    @property
-    def quit_question(self) -> Question | None:
-        """Question before the window closes while a head is being made."""
-        if self.job is None:
-            return None
-        choices = (Choice("Quit"), Choice("Continue"))
-        text = f"A head is being made from {self.words.noun}s."
-        return Question("Cancel the work and quit?", text, choices, default=1)
+    def working(self) -> str:
+        """What is being done in the background, as a sentence, or ""."""
+        return "" if self.job is None else f"A head is being made from {self.words.noun}s."
 
     def actions(self) -> Sequence[Action | Submenu]:
         """Return the entry of the menus "File" and "Head"."""
