@@ -24,21 +24,34 @@ EYE_COLOURS: dict[str, Colour] = {
 }
 
 
-def eye_texture(colour: Colour) -> bytes:
+def eye_texture(colour: Colour, whites: Colour = (1.0, 1.0, 1.0)) -> bytes:
     """Return the encoded texture of eyes whose iris has the mean ``colour``, sRGB 0..1, with fibres and dark rim.
 
+    The whites are those of the built-in man times ``whites``.
+
     Raises:
-        FacePoserError: If the colour is not finite, or the built-in man cannot be read.
+        FacePoserError: If a colour is not finite, or the built-in man cannot be read.
     """
-    wanted = np.asarray(colour, dtype=np.float64)
-    if wanted.shape != (3,) or not np.isfinite(wanted).all():
+    wanted, factors = np.asarray(colour, dtype=np.float64), np.asarray(whites, dtype=np.float64)
+    if wanted.shape != (3,) or factors.shape != (3,) or not np.isfinite([*wanted, *factors]).all():
         raise FacePoserError("The colour of eyes must be three finite numbers.")
     pixels, share, brightness = _iris()
     tinted = np.clip(brightness[..., None] * np.clip(wanted, 0.0, 1.0).astype(np.float32) * 255.0, 0.0, 255.0)
-    image = pixels + share[..., None] * (tinted - pixels)
+    white = np.clip(pixels * factors.astype(np.float32), 0.0, 255.0)
+    image = white + share[..., None] * (tinted - white)
     buffer = io.BytesIO()
     Image.fromarray(np.rint(image).astype(np.uint8)).save(buffer, "JPEG", quality=92, subsampling=0)
     return buffer.getvalue()
+
+
+def eye_whites() -> Colour:
+    """Return the mean colour of the built-in man's whites of eyes beside the iris, sRGB 0..1."""
+    pixels, _, _ = _iris()
+    height, width = pixels.shape[:2]
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    radius = np.hypot((columns + 0.5) / width - 0.5, (rows + 0.5) / height - 0.5)
+    red, green, blue = (pixels[(radius > 1.2 * _IRIS) & (radius < 2.0 * _IRIS)].mean(axis=0) / 255.0).tolist()
+    return (red, green, blue)
 
 
 def random_eye_colour(seed: int, tone: float) -> Colour:

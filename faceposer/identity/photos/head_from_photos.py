@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from faceposer.errors import FacePoserError, counted
 from faceposer.geometry.camera import Camera
 from faceposer.identity.editing import textures_of
+from faceposer.identity.eye_colour import eye_texture
 from faceposer.identity.identity import Identity, SkinTexture
 from faceposer.identity.model import IdentityModel
 from faceposer.identity.photos.dense_fit import DenseFit, DenseFitter, DenseSettings
@@ -18,12 +19,13 @@ from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
-from faceposer.identity.photos.iris_colour import eye_colour_of
+from faceposer.identity.photos.iris_colour import eye_colour_of, whites_of
 from faceposer.identity.photos.landmark_fit import LandmarkFit, PhotoFace, fit_landmarks, fit_points
 from faceposer.identity.photos.painted_light import painted_light
-from faceposer.identity.photos.photo_texture import LitPhoto, photo_texture
+from faceposer.identity.photos.photo_texture import LitPhoto, Zones, seen_skin
+from faceposer.identity.photos.skin_light import SkinLight
 from faceposer.identity.photos.skin_samples import shipped_samples
-from faceposer.identity.skin_layers import SkinLayers
+from faceposer.identity.skin_layers import Colour, SkinLayers
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
 from faceposer.model.character_names import joined_credits
@@ -39,6 +41,8 @@ _TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
 # Weight of the density of heads for paintings, whose features are a painter's.
 _PAINTED = 2.0
+# Density of brows that photos do not show.
+_LOST_BROWS = 0.7
 # How much more colours of a painted face may differ than those of skin under one light.
 _TOLERANCE = 2.5
 
@@ -114,8 +118,9 @@ def head_from_photos(
     rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
     identity = Identity.of(rows)
     line = None if found is None else found.state.texture
+    lamps = () if found is None else found.lamps
     if dense:
-        identity = replace(identity, texture=_skin_texture(line, basis, identity, crops))
+        identity = replace(identity, texture=_skin_texture(line, basis, identity, eye_colour_of(crops, lamps)))
     progress.at("Making the character")
     model = build_face_model(_named(basis.editor.with_head(identity), basis.editor.model, name, title, len(faces)))
     views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
@@ -128,13 +133,16 @@ def head_from_photos(
     if identity.texture is not None:
         progress.at("Taking the colours of the photos")
         lit = [
-            _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
-            for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
+            _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light, lamp)
+            for crop, face, image, (pose, camera), light, lamp in zip(
+                crops, faces, images, views, lights, lamps or (None,) * len(crops), strict=True
+            )
         ]
-        # The brows are those of the photos.
-        bare = replace(identity.texture, layers=replace(identity.texture.layers, brows="none"))
-        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places, _TOLERANCE if painting else 1.0)
-        textures = {**model.character.textures, "skin": skin}
+        textures = dict(model.character.textures)
+        texture, textures["skin"] = _skin_of(identity.texture, lit, basis, places, painting)
+        identity = replace(identity, texture=texture)
+        if texture.eyes is not None:
+            textures["eye"] = eye_texture(texture.eyes, whites_of(crops, lamps))
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))
     report = _report(names, crops, fit, found, lights, cameras, basis)
@@ -190,18 +198,38 @@ def _view(
 
 
 def _lit_photo(
-    crop: FaceCrop, face: PhotoFace, image: NDArray[np.uint8], camera: FaceCamera, vertices: Array, light: Array
+    crop: FaceCrop,
+    face: PhotoFace,
+    image: NDArray[np.uint8],
+    camera: FaceCamera,
+    vertices: Array,
+    light: Array,
+    lamp: SkinLight | None,
 ) -> LitPhoto:
     """Return the photo at the size at which its colours are taken."""
     large = FaceCrop.of(face, image, _TEXTURE_HEIGHT)
     x, y = ((there - here) * crop.factor for there, here in zip(large.corner, crop.corner, strict=True))
     size = (large.image.shape[1], large.image.shape[0])
-    return LitPhoto(
-        large.image.astype(np.float32), camera.scaled(large.factor / crop.factor, (x, y), size), vertices, light
-    )
+    seen_by = camera.scaled(large.factor / crop.factor, (x, y), size)
+    return LitPhoto(large.image.astype(np.float32), seen_by, vertices, light, lamp)
 
 
-def _skin_texture(line: Array | None, basis: HeadBasis, identity: Identity, crops: Sequence[FaceCrop]) -> SkinTexture:
+def _skin_of(
+    texture: SkinTexture, photos: Sequence[LitPhoto], basis: HeadBasis, places: FacePlaces, painting: bool
+) -> tuple[SkinTexture, bytes]:
+    """Return the texture with the layers that photos leave, and its encoded image with what they show."""
+    zones = Zones.of(load_texture_model(), texture.layers.hair)
+    # The brows are those of the photos, if they show them.
+    under = textures_of(replace(texture, layers=replace(texture.layers, brows="none")))["skin"]
+    seen = seen_skin(photos, under, basis, places, zones, _TOLERANCE if painting else 1.0, painting)
+    if seen.brows_lost:
+        layers = replace(texture.layers, brow_colour=seen.brow_colour, brow_strength=_LOST_BROWS)
+        texture, seen = replace(texture, layers=layers), seen.without_brows()
+        under = textures_of(texture)["skin"]
+    return texture, seen.over(under)
+
+
+def _skin_texture(line: Array | None, basis: HeadBasis, identity: Identity, eyes: Colour | None) -> SkinTexture:
     """Return the texture of the model with the coefficients of ``line``, or the average, with usual layers."""
     model = load_texture_model()
     coefficients = np.zeros(model.n_coefficients)
@@ -209,7 +237,7 @@ def _skin_texture(line: Array | None, basis: HeadBasis, identity: Identity, crop
         coefficients = np.clip(model.of_line(line[: model.n_coefficients]), -LIMIT, LIMIT)
     female = basis.editor.measure(identity)["gender"] > 0.0
     layers = SkinLayers(hair="combed" if female else "short", brows="arched" if female else "straight")
-    return SkinTexture(tuple(coefficients.tolist()), layers, eye_colour_of(crops))
+    return SkinTexture(tuple(coefficients.tolist()), layers, eyes)
 
 
 def _report(

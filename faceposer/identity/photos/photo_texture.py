@@ -1,56 +1,66 @@
 """The texture of a head from photos of it, free of their light (Blanz and Vetter 1999, section 4.1).
 
-Every texel of the face that a photo sees gets its colour there divided by the light that was found. Photos are mixed
-by how directly they see it; where none does, the mirrored side is taken, then the texture model. Colours that no skin
-under that light has, as of hair over the forehead, of glasses and of highlights, do not count.
+Every texel of the face that a photo sees gets its colour there without the light that was found. Photos are mixed by
+how directly they see it; where none does, the mirrored side is taken, then the texture model. Colours that no skin
+under that light has, as of hair over the forehead, of glasses, of teeth and of highlights, do not count. What is seen
+is blended with the model's skin band by band (`skin_bands`).
 """
 
+import io
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh import VertexNormals
+from faceposer.geometry.texture_images import DECODER_ERRORS
 from faceposer.identity.photos.face_camera import FaceCamera
-from faceposer.identity.photos.face_places import INNER_LIPS, OVAL, FacePlaces
-from faceposer.identity.photos.glasses import FrontView
+from faceposer.identity.photos.face_places import FacePlaces
+from faceposer.identity.photos.face_texels import SIDE, Texels, face_texels, smooth_step
 from faceposer.identity.photos.harmonics import harmonics
 from faceposer.identity.photos.head_basis import HeadBasis
-from faceposer.identity.photos.skin_samples import LIDS
-from faceposer.identity.scans.baking import Layer, blended
+from faceposer.identity.photos.skin_bands import blended_difference
+from faceposer.identity.photos.skin_light import GAMMA, SkinLight
+from faceposer.identity.skin_layers import BROW_STYLES, Colour
+from faceposer.identity.texture_model import TextureModel, load_texture_model
 from faceposer.landmarks.drawing import visible_triangles
-from faceposer.landmarks.points import EYE_CORNERS, N_POINTS
-from faceposer.model.character import Character
 
 Array = NDArray[np.float64]
 Image32 = NDArray[np.float32]
 
-# Sides of the grid on which photos are looked up, and of the texture.
-_SIDE, _TEXTURE = 1024, 2048
-# Cosines between the surface and the view between which a photo begins to count and counts fully.
-_FACING = (0.2, 0.6)
-# Distances from the landmarks, in centimetres, between which the face fades out, and from lids and inner lips, in.
-_OUTER, _LIDS_GAP, _LIPS_GAP = (0.7, 1.8), (0.05, 0.2), (0.1, 0.3)
+# Side of the texture.
+_TEXTURE = 2048
+# Cosines between the surface and the view between which a photo begins to count and counts fully, and those of detail,
+# which is stretched where skin is seen from the side.
+_FACING, _SHARP = (0.2, 0.6), (0.35, 0.7)
 # Depth behind the surface in the picture, in centimetres, at which a texel is hidden.
 _HIDDEN = 0.35
-# Least light, relative to the median, by which colours are divided.
-_DARKEST = 0.25
+# Least light, relative to the median, by which colours are divided, and largest share of a colour that is highlight.
+_DARKEST, _MOST_GLOSS = 0.25, 0.5
 # Colour below which logarithms are not told apart.
 _BLACK = 0.02
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
 _FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
 # Least half width of large areas of hair, and reach of strands beside them, in texels.
 _LARGE, _STRANDS = 14, (12.0, 24.0)
-#: Landmarks on the brows without their outer ends, whose colours are no skin's, and the distance from them, in
-#: centimetres, that is brow.
-_BROWS = (105, 66, 107, 55, 65, 52, 334, 296, 336, 285, 295, 282)
-_BROW_REACH = (0.1, 0.4)
+# Logarithms of red over green, relative to that of the skin, between which what lies on lips is teeth and lip.
+_TEETH = (-0.06, 0.06)
 # Weight of the mirrored side relative to the own one.
 _MIRRORED = 0.02
 _LEAST = 0.004
+# Blur in texels below which detail, as pores, is the model's: photos show none of it.
+_PORES = 1.5
+_QUALITY = 92
+# Share of the brows that must be seen, and size in texels of what is left out about lost ones.
+_BROWS_SEEN, _BROW_MARGIN = 0.5, 9
+# Least number of texels of brows whose colour counts; quantile of their brightness below which they are hairs, and
+# the share of the colour of hairs in that, as skin shines through.
+_LEAST_BROWS, _HAIRS, _HAIR_SHADE = 100, 0.3, 0.75
+# Logarithms of the chroma of smooth colours over the model's, apart from lips, between which they are no skin's.
+_TINTED = (0.15, 0.30)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,97 +71,97 @@ class LitPhoto:
         image: Colours, 0 to 1, shape (h, w, 3).
         camera: Its camera.
         vertices: All vertices of the head in its expression, shape (N, 3).
-        light: Coefficients of the light in camera axes, shape (9, 3).
+        light: Coefficients of the light of a display's colours in camera axes, shape (9, 3).
+        lamp: The light in linear colours, with highlights, which then counts instead.
     """
 
     image: Image32
     camera: FaceCamera
     vertices: Array
     light: Array
+    lamp: SkinLight | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Texels:
-    """The texels of the face.
+class Zones:
+    """Where the model has other than bare skin, as shares of each texel of the grid, 0 to 1, shape (side, side).
 
     Attributes:
-        at: Indices into the flat grid, shape (n,).
-        corners: Vertices of their triangles, shape (n, 3).
-        shares: Barycentric coordinates, shape (n, 3).
-        region: How much each belongs to the face that photos show, 0 to 1, shape (n,).
-        brows: How much each belongs to the brows, 0 to 1, shape (n,).
-        mirror: Index in the flat grid of the texel on the other side, shape (n,).
-        front: Points of the front of the face, at which glasses are looked for.
+        lips: Lips.
+        brows: Hairs of brows of any style.
+        near_brows: Brows and what is about them.
+        hair: Hair of one style.
     """
 
-    at: NDArray[np.int64]
-    corners: NDArray[np.integer]
-    shares: Array
-    region: Array
-    brows: Array
-    mirror: NDArray[np.int64]
-    front: FrontView
+    lips: Image32
+    brows: Image32
+    near_brows: Image32
+    hair: Image32
 
-    def of_vertices(self, values: Array) -> Array:
-        """Return ``values`` of vertices, (N, k), at the texels, shape (n, k)."""
-        result: Array = np.einsum("nc,ncd->nd", self.shares, values[self.corners])
-        return result
-
-
-@lru_cache(maxsize=1)
-def face_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
-    """Return the texels of the face of the built-in heads, prepared at the first call."""
-    from scipy.spatial import cKDTree
-
-    character = basis.character
-    triangles = basis.editor.template.triangles
-    ids = character.triangle_uvs[: len(triangles)]
-    pixels = np.stack([character.uv[:, 0], 1.0 - character.uv[:, 1]], axis=1).astype(np.float64) * _SIDE
-    faces, weights = visible_triangles(pixels, np.ones(len(pixels)), ids, (_SIDE, _SIDE))
-    region = _region(character, basis.n_skin, places)
-    covered = np.flatnonzero(faces >= 0)
-    # Only those of the face, for the memory's sake.
-    at = covered[(region[triangles[faces[covered]]] > 0.0).any(axis=1)]
-    corners, shares = triangles[faces[at]], weights[at]
-    # The opposite texel: that of the mirrored vertices, whose texture coordinates are those of any of their corners.
-    place_of = np.zeros((basis.n_skin, 2))
-    place_of[triangles.ravel()] = pixels[ids.ravel()]
-    mirrored = place_of[basis.editor.template.mirror[corners]]
-    spread = np.ptp(mirrored, axis=1).max(axis=1)
-    target = np.einsum("nc,ncd->nd", shares, mirrored)
-    cells = np.clip(target.astype(np.int64), 0, _SIDE - 1)
-    # Corners on both sides of a seam of the layout have no common place.
-    mirror = np.where(spread < 0.03 * _SIDE, cells[:, 1] * _SIDE + cells[:, 0], at)
-    known = places.points.positions(character.vertices, character.triangles)
-    brows = 1.0 - _smooth(cKDTree(known[list(_BROWS)]).query(character.vertices[: basis.n_skin])[0], _BROW_REACH)
-    inside, hairy = (np.einsum("nc,nc->n", shares, values[corners]) for values in (region, brows))
-    positions = np.einsum("nc,ncd->nd", shares, character.vertices[corners].astype(np.float64))
-    eyes = np.stack([known[list(corner)].mean(axis=0) for corner in EYE_CORNERS])
-    return Texels(at, corners, shares, inside, hairy, mirror, FrontView(positions, hairy, eyes))
+    @classmethod
+    def of(cls, model: TextureModel, hair: str) -> "Zones":
+        """Return the zones of a texture ``model`` with a style of ``hair``."""
+        covered = [1.0 - model.layer(f"brows.{style}", SIDE)[0] for style in BROW_STYLES if style != "none"]
+        brows = np.max(covered, axis=0).astype(np.float32)
+        wide = ndimage.maximum_filter(np.minimum(2.0 * brows, 1.0), _BROW_MARGIN)
+        near = ndimage.gaussian_filter(wide, _BROW_MARGIN / 3.0)
+        scalp = np.zeros_like(brows) if hair == "none" else (1.0 - model.layer(f"hair.{hair}", SIDE)[0])
+        return cls(model.mask("lips", SIDE).astype(np.float32), brows, near, scalp.astype(np.float32))
 
 
-def _region(character: Character, n_skin: int, places: FacePlaces) -> Array:
-    """Return how much each vertex of the skin belongs to the face that photos show, 0 to 1, shape (N,)."""
-    from scipy.spatial import cKDTree
+@dataclass(frozen=True, eq=False)
+class SeenSkin:
+    """The skin that photos show, compared with that of the model.
 
-    skin = character.vertices[:n_skin].astype(np.float64)
-    landmarks = places.points.positions(character.vertices, character.triangles)
-    result = np.ones(n_skin)
-    inner = np.setdiff1d(np.arange(N_POINTS), OVAL)
-    for group, limits, inwards in ((inner, _OUTER, True), (LIDS, _LIDS_GAP, False), (INNER_LIPS, _LIPS_GAP, False)):
-        distances = cKDTree(landmarks[list(group)]).query(skin)[0]
-        rise = _smooth(distances, limits)
-        result *= 1.0 - rise if inwards else rise
-    # The inside of mouth and eye sockets lies behind the landmarks.
-    front = cKDTree(landmarks[:, :2]).query(skin[:, :2])[1]
-    result *= skin[:, 2] > landmarks[front, 2] - 2.5
-    return result
+    Attributes:
+        zones: Lips, brows and hair of the model.
+        difference: Logarithms of the colours over the model's, shape (side, side, 3).
+        trust: How much each texel of the grid is seen, 0 to 1, shape (side, side).
+        sharp: Factor on the trust in details, 0 to 1, shape (side, side).
+        painted: All of it is kept, as of a painting.
+        brow_colour: Colour of what is seen of the brows, sRGB 0 to 1, or None if too little is.
+    """
 
+    zones: "Zones"
+    difference: Image32
+    trust: Image32
+    sharp: Image32
+    painted: bool
+    brow_colour: Colour | None
 
-def _smooth(values: Array, limits: tuple[float, float]) -> Array:
-    t = np.clip((values - limits[0]) / (limits[1] - limits[0]), 0.0, 1.0)
-    result: Array = t * t * (3.0 - 2.0 * t)
-    return result
+    @property
+    def brows_lost(self) -> bool:
+        """True if too little of the brows is seen, as under frames of glasses."""
+        on_brows = self.zones.brows > 0.5
+        return bool(on_brows.any()) and bool((self.trust[on_brows] > 0.5).mean() < _BROWS_SEEN)
+
+    def without_brows(self) -> "SeenSkin":
+        """Return the skin with nothing seen at the brows."""
+        return replace(self, trust=self.trust * (1.0 - self.zones.near_brows))
+
+    def over(self, under: bytes) -> bytes:
+        """Return the encoded texture, JPEG, with this skin over the encoded texture ``under`` of the model.
+
+        Raises:
+            FacePoserError: If ``under`` cannot be decoded.
+        """
+        from PIL import Image
+
+        zones = self.zones
+        free = np.ones_like(self.trust) if self.painted else np.maximum(zones.near_brows, zones.lips)
+        logs = blended_difference(self.difference, self.trust, self.sharp, free)
+        logs *= np.maximum(1.0 - zones.hair, self.trust)[..., None]
+        picture = _picture(under, _TEXTURE)
+        image = np.empty((_TEXTURE, _TEXTURE, 3), dtype=np.uint8)
+        # One channel at a time, for the memory's sake.
+        for channel in range(3):
+            factors = ndimage.zoom(logs[..., channel], _TEXTURE // SIDE, order=1, grid_mode=True, mode="nearest")
+            np.exp(factors, out=factors)
+            factors *= picture[..., channel]
+            image[..., channel] = np.rint(np.clip(factors, 0.0, 255.0, out=factors), out=factors)
+        out = io.BytesIO()
+        Image.fromarray(image).save(out, format="JPEG", quality=_QUALITY, subsampling=0)
+        return out.getvalue()
 
 
 def photo_texture(
@@ -164,33 +174,79 @@ def photo_texture(
     Raises:
         FacePoserError: If ``under`` cannot be decoded.
     """
-    return blended([_layer(photos, _grid(under), basis, places, tolerance)], under)
+    return seen_skin(photos, under, basis, places, Zones.of(load_texture_model(), "none"), tolerance).over(under)
 
 
-def _layer(photos: Sequence[LitPhoto], model: Array, basis: HeadBasis, places: FacePlaces, tolerance: float) -> Layer:
-    """Return the colours of the face in ``photos``, own and mirrored, with ``model``, (side², 3), for comparison."""
+def seen_skin(
+    photos: Sequence[LitPhoto],
+    under: bytes,
+    basis: HeadBasis,
+    places: FacePlaces,
+    zones: Zones,
+    tolerance: float = 1.0,
+    painted: bool = False,
+) -> SeenSkin:
+    """Return the skin in ``photos``, own and mirrored, compared with the encoded texture ``under`` of the model.
+
+    Args:
+        photos: The photos.
+        under: The model's texture without brows.
+        basis: The model of heads.
+        places: Places of the landmarks.
+        zones: Lips, brows and hair of the model.
+        tolerance: Factor on the difference of colours up to which they are taken for skin.
+        painted: The photos are paintings, whose colours are kept as they are.
+
+    Raises:
+        FacePoserError: If ``under`` cannot be decoded.
+    """
     texels = face_texels(basis, places)
-    total = np.zeros((_SIDE * _SIDE, 3), dtype=np.float32)
-    share = np.zeros(_SIDE * _SIDE, dtype=np.float32)
+    model = _picture(under, SIDE).astype(np.float64) / 255.0
+    smooth = np.log(np.maximum(ndimage.gaussian_filter(model, (_PORES, _PORES, 0.0)), _BLACK)).reshape(-1, 3)[texels.at]
+    on_lips = zones.lips.ravel()[texels.at].astype(np.float64)
+    total, share, direct = (np.zeros((SIDE * SIDE, k), dtype=np.float32) for k in (3, 1, 1))
     for photo in photos:
-        colours, weights = _seen(photo, texels, basis)
-        weights = weights * _plausible(colours, weights, model, texels, tolerance)
-        total[texels.at] += (weights[:, None] * colours).astype(np.float32)
-        share[texels.at] += weights.astype(np.float32)
-    other_side = share[texels.mirror]
-    opposite = total[texels.mirror] / np.maximum(other_side, 1e-9)[:, None]
-    total[texels.at] += (_MIRRORED * other_side)[:, None] * opposite
-    share[texels.at] += _MIRRORED * other_side
-    total *= 255.0 / np.maximum(share, 1e-9)[:, None]
-    known = (share > _LEAST).reshape(_SIDE, _SIDE)
-    filled = _extended(np.clip(total, 0.0, 255.0).reshape(_SIDE, _SIDE, 3), known)
-    factor = _TEXTURE // _SIDE
-    large = ndimage.zoom(filled, (factor, factor, 1), order=1, grid_mode=True, mode="nearest")
-    return Layer(large, np.repeat(np.repeat(known, factor, 0), factor, 1))
+        colours, weights, facing = _seen(photo, texels, basis)
+        logs = np.log(np.maximum(colours, _BLACK)) - smooth
+        weights = (
+            weights * _plausible(logs, weights, texels, on_lips, tolerance) * _no_teeth(logs, smooth, weights, on_lips)
+        )
+        weighted = weights[:, None]
+        total[texels.at] += weighted * logs
+        share[texels.at] += weighted
+        direct[texels.at] += weighted * smooth_step(facing, _SHARP)[:, None]
+    opposite, other = total[texels.mirror], share[texels.mirror]
+    sharp = direct / np.maximum(share, 1e-6)
+    trust = np.minimum(share, 1.0)
+    trust[texels.at] = np.maximum(trust[texels.at], np.minimum(other, 1.0))
+    sharp[texels.at] = np.where(share[texels.at] > _LEAST, sharp[texels.at], sharp[texels.mirror])
+    total[texels.at] += _MIRRORED * opposite
+    share[texels.at] += _MIRRORED * other
+    total /= np.maximum(share, 1e-9)
+    at_brows = (zones.brows.ravel()[texels.at] > 0.5) & (share[texels.at, 0] > 0.5)
+    brows = _brow_colour(np.exp(total[texels.at] + smooth)[at_brows])
+    return SeenSkin(
+        zones,
+        total.reshape(SIDE, SIDE, 3),
+        trust.reshape(SIDE, SIDE),
+        sharp.astype(np.float32).reshape(SIDE, SIDE),
+        painted,
+        brows,
+    )
 
 
-def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Array]:
-    """Return the colours of the texels in ``photo`` without its light, (n, 3), and their weights, (n,)."""
+def _brow_colour(colours: Array) -> Colour | None:
+    """Return the colour of hairs among those of brows, (n, 3), which skin shines through."""
+    if len(colours) < _LEAST_BROWS:
+        return None
+    brightness = colours.mean(axis=1)
+    dark = colours[brightness <= np.quantile(brightness, _HAIRS)]
+    red, green, blue = np.clip(_HAIR_SHADE * np.median(dark, axis=0), 0.0, 1.0).tolist()
+    return (red, green, blue)
+
+
+def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Array, Array]:
+    """Return the colours of the texels in ``photo`` without its light, (n, 3), their weights and cosines, (n,)."""
     camera, character = photo.camera, basis.character
     vertices = photo.vertices
     local = camera.local(vertices)
@@ -205,65 +261,93 @@ def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Arr
     at_texels = texels.of_vertices(np.concatenate([local, normals], axis=1))
     places, normals = at_texels[:, :3], at_texels[:, 3:]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    towards = -(places + (*camera.offset, np.exp(camera.log_depth)))
-    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    middles = places + (*camera.offset, np.exp(camera.log_depth))
+    towards = -middles / np.linalg.norm(middles, axis=1, keepdims=True)
     pixels = camera.pixels(places)
     cells = np.floor(pixels).astype(np.int64)
     inside = ((cells >= 0) & (cells < (width, height))).all(axis=1)
     cells = np.clip(cells, 0, (width - 1, height - 1))
     visible = inside & (places[:, 2] + np.exp(camera.log_depth) < front[cells[:, 1] * width + cells[:, 0]] + _HIDDEN)
-    trust = texels.region * visible * _smooth((normals * towards).sum(axis=1), _FACING)
+    facing = (normals * towards).sum(axis=1)
+    trust = texels.region * visible * smooth_step(facing, _FACING)
     at = pixels[:, ::-1].T - 0.5
     colours = np.stack(
         [ndimage.map_coordinates(photo.image[..., k], at, order=1, mode="nearest") for k in range(3)], axis=1
     )
-    shade = harmonics(normals) @ photo.light
+    if photo.lamp is None:
+        return colours / _bounded(harmonics(normals) @ photo.light, trust), trust, facing
+    lit = photo.lamp.lit(np.full_like(normals, 0.5), normals, middles)
+    linear = np.maximum(colours, 0.0) ** GAMMA
+    linear -= np.minimum(lit.gloss[:, None], _MOST_GLOSS * linear)
+    albedo: Array = (linear / _bounded(lit.shade, trust)) ** (1.0 / GAMMA)
+    return albedo, trust, facing
+
+
+def _bounded(shade: Array, trust: Array) -> Array:
+    """Return the light at the texels, (n, 3), without that which is far below the usual."""
     usual = np.median(shade[trust > 0.5], axis=0) if (trust > 0.5).any() else np.ones(3)
-    return colours / np.maximum(shade, _DARKEST * np.maximum(usual, 1e-3)), trust
+    result: Array = np.maximum(shade, _DARKEST * np.maximum(usual, 1e-3))
+    return result
 
 
-def _plausible(colours: Array, weights: Array, model: Array, texels: Texels, tolerance: float) -> Array:
+def _usual(logs: Array, weights: Array) -> Array:
+    result: Array = np.median(logs[weights > 0.5], axis=0) if (weights > 0.5).any() else np.zeros(3)
+    return result
+
+
+def _plausible(logs: Array, weights: Array, texels: Texels, lips: Array, tolerance: float) -> Array:
     """Return factors on the weights of texels: less where smooth colours are not of this skin, and at glasses, (n,)."""
-    logs = np.log(np.maximum(colours, _BLACK)) - np.log(np.maximum(model[texels.at], _BLACK))
-    blurred = np.zeros((_SIDE * _SIDE, 4), dtype=np.float32)
+    blurred = np.zeros((SIDE * SIDE, 4), dtype=np.float32)
     blurred[texels.at, :3] = logs * weights[:, None]
     blurred[texels.at, 3] = weights
     sigma = (_FOREIGN_BLUR, _FOREIGN_BLUR, 0.0)
-    grid = ndimage.gaussian_filter(blurred.reshape(_SIDE, _SIDE, 4), sigma).reshape(-1, 4)
+    grid = ndimage.gaussian_filter(blurred.reshape(SIDE, SIDE, 4), sigma).reshape(-1, 4)
     smooth = grid[texels.at, :3] / np.maximum(grid[texels.at, 3:], 1e-6)
-    usual = np.median(smooth[weights > 0.5], axis=0) if (weights > 0.5).any() else np.zeros(3)
+    usual = _usual(smooth, weights)
     off = np.abs(smooth - usual).max(axis=1) / tolerance
-    foreign = _smooth(off, (_FOREIGN, 2.0 * _FOREIGN))
+    foreign = smooth_step(off, (_FOREIGN, 2.0 * _FOREIGN))
+    chroma = smooth - usual
+    chroma = np.abs(chroma - chroma.mean(axis=1, keepdims=True)).max(axis=1) / tolerance
+    foreign = np.maximum(foreign, (1.0 - lips) * smooth_step(chroma, _TINTED))
     result: Array = np.maximum(1.0 - np.maximum(foreign, _beside(foreign, weights, texels)), texels.brows)
-    bare = texels.front.kept((logs - usual) / tolerance, weights)
+    # Glasses are as dark in a painting as in a photo.
+    bare = texels.front.kept(logs - usual, weights)
     return result if bare is None else result * bare
+
+
+def _no_teeth(logs: Array, model: Array, weights: Array, lips: Array) -> Array:
+    """Return factors on the weights of texels, (n,): less where ``lips``, (n,), are no redder than skin, as teeth."""
+    redness = (logs + model)[:, 0] - (logs + model)[:, 1]
+    skin = (weights > 0.5) & (lips < 0.1)
+    if not skin.any():
+        return np.ones(len(lips))
+    result: Array = 1.0 - lips * (1.0 - smooth_step(redness - np.median(redness[skin]), _TEETH))
+    return result
 
 
 def _beside(foreign: Array, weights: Array, texels: Texels) -> Array:
     """Return how much texels lie beside large areas that are not of the skin, as strands beside hair, (n,)."""
-    grid = np.zeros(_SIDE * _SIDE, dtype=bool)
+    grid = np.zeros(SIDE * SIDE, dtype=bool)
     grid[texels.at] = (foreign > 0.9) & (weights > 0.0)
-    large = ndimage.binary_opening(grid.reshape(_SIDE, _SIDE), iterations=_LARGE)
+    large = ndimage.binary_opening(grid.reshape(SIDE, SIDE), iterations=_LARGE)
     distance = ndimage.distance_transform_edt(~large) if large.any() else np.full(large.shape, np.inf)
-    result: Array = 1.0 - _smooth(distance.ravel()[texels.at], _STRANDS)
+    result: Array = 1.0 - smooth_step(distance.ravel()[texels.at], _STRANDS)
     return result
 
 
-def _extended(image: Image32, known: NDArray[np.bool_]) -> Image32:
-    """Return ``image`` with the nearest known colours where none is known, so that interpolation finds no black."""
-    if known.all() or not known.any():
-        return image
-    _, (rows, columns) = ndimage.distance_transform_edt(~known, return_indices=True)
-    result: Image32 = image[rows, columns]
-    return result
+def _picture(encoded: bytes, side: int) -> NDArray[np.uint8]:
+    """Return an encoded texture, 0 to 255, shape (side, side, 3).
 
-
-def _grid(encoded: bytes) -> Array:
-    """Return an encoded texture on the grid, 0 to 1, shape (side², 3)."""
-    import io
-
+    Raises:
+        FacePoserError: If it cannot be decoded.
+    """
     from PIL import Image
 
-    with Image.open(io.BytesIO(encoded)) as picture:
-        small = picture.convert("RGB").resize((_SIDE, _SIDE), Image.Resampling.BOX)
-    return np.asarray(small, dtype=np.float64).reshape(-1, 3) / 255.0
+    try:
+        with Image.open(io.BytesIO(encoded)) as picture:
+            image = picture.convert("RGB")
+            if image.size != (side, side):
+                image = image.resize((side, side), Image.Resampling.BOX)
+            return np.asarray(image)
+    except (OSError, *DECODER_ERRORS) as error:
+        raise FacePoserError("The skin of the model cannot be read; install Face Poser again.") from error
