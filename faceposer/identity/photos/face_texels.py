@@ -29,31 +29,40 @@ _BROW_REACH = (0.1, 0.4)
 
 
 @dataclass(frozen=True, eq=False)
-class Texels:
-    """The texels of the face.
+class Spots:
+    """Points of the skin at which photos are looked up.
+
+    Attributes:
+        corners: Vertices of their triangles, shape (n, 3).
+        shares: Barycentric coordinates, shape (n, 3).
+        region: How much each counts, 0 to 1, shape (n,).
+    """
+
+    corners: NDArray[np.integer]
+    shares: Array
+    region: Array
+
+    def of_vertices(self, values: Array) -> Array:
+        """Return ``values`` of vertices, (N, k), at the points, shape (n, k)."""
+        result: Array = np.einsum("nc,ncd->nd", self.shares, values[self.corners])
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Texels(Spots):
+    """The texels of the face, which count as they belong to what photos show of it.
 
     Attributes:
         at: Indices into the flat grid, shape (n,).
-        corners: Vertices of their triangles, shape (n, 3).
-        shares: Barycentric coordinates, shape (n, 3).
-        region: How much each belongs to the face that photos show, 0 to 1, shape (n,).
         brows: How much each belongs to the brows, 0 to 1, shape (n,).
         mirror: Index in the flat grid of the texel on the other side, shape (n,).
         front: Points of the front of the face, at which glasses are looked for.
     """
 
     at: NDArray[np.int64]
-    corners: NDArray[np.integer]
-    shares: Array
-    region: Array
     brows: Array
     mirror: NDArray[np.int64]
     front: FrontView
-
-    def of_vertices(self, values: Array) -> Array:
-        """Return ``values`` of vertices, (N, k), at the texels, shape (n, k)."""
-        result: Array = np.einsum("nc,ncd->nd", self.shares, values[self.corners])
-        return result
 
 
 @lru_cache(maxsize=1)
@@ -85,7 +94,7 @@ def face_texels(basis: HeadBasis, places: FacePlaces) -> Texels:
     inside, hairy = (np.einsum("nc,nc->n", shares, values[corners]) for values in (region, brows))
     positions = np.einsum("nc,ncd->nd", shares, character.vertices[corners].astype(np.float64))
     eyes = np.stack([known[list(corner)].mean(axis=0) for corner in EYE_CORNERS])
-    return Texels(at, corners, shares, inside, hairy, mirror, FrontView(positions, hairy, eyes))
+    return Texels(corners, shares, inside, at, hairy, mirror, FrontView(positions, hairy, eyes))
 
 
 def _region(character: Character, n_skin: int, places: FacePlaces) -> Array:

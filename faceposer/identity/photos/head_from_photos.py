@@ -18,13 +18,16 @@ from faceposer.identity.photos.dense_fit import DenseFit, DenseFitter, DenseSett
 from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
+from faceposer.identity.photos.face_texels import SIDE
+from faceposer.identity.photos.hair_colour import hair_colour_of
 from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
 from faceposer.identity.photos.iris_colour import eye_colour_of, whites_of
 from faceposer.identity.photos.landmark_fit import LandmarkFit, PhotoFace, fit_landmarks, fit_points
 from faceposer.identity.photos.painted_light import painted_light
-from faceposer.identity.photos.photo_texture import LitPhoto, Zones, seen_skin
+from faceposer.identity.photos.photo_texture import Zones, seen_skin
 from faceposer.identity.photos.skin_light import SkinLight
 from faceposer.identity.photos.skin_samples import shipped_samples
+from faceposer.identity.photos.unlit_colours import LitPhoto
 from faceposer.identity.skin_layers import Colour, SkinLayers
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
@@ -44,7 +47,7 @@ _PAINTED = 2.0
 # Density of brows that photos do not show.
 _LOST_BROWS = 0.7
 # How much more colours of a painted face may differ than those of skin under one light.
-_TOLERANCE = 2.5
+_TOLERANCE = 1.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +221,14 @@ def _skin_of(
     texture: SkinTexture, photos: Sequence[LitPhoto], basis: HeadBasis, places: FacePlaces, painting: bool
 ) -> tuple[SkinTexture, bytes]:
     """Return the texture with the layers that photos leave, and its encoded image with what they show."""
-    zones = Zones.of(load_texture_model(), texture.layers.hair)
+    model, style = load_texture_model(), texture.layers.hair
+    zones = Zones.of(model, style)
+    samples = shipped_samples(basis, places)
+    modes = samples.colours[: model.n_coefficients].mean(axis=1)
+    skin = np.exp(samples.colour.mean(axis=0) + np.array(texture.coefficients) @ modes)
+    hair = hair_colour_of(photos, model.layer(f"hair.{style}", SIDE), skin, basis)
+    if hair is not None:
+        texture = replace(texture, layers=replace(texture.layers, hair_colour=hair))
     # The brows are those of the photos, if they show them.
     under = textures_of(replace(texture, layers=replace(texture.layers, brows="none")))["skin"]
     seen = seen_skin(photos, under, basis, places, zones, _TOLERANCE if painting else 1.0, painting)

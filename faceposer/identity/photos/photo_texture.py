@@ -15,31 +15,23 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from faceposer.errors import FacePoserError
-from faceposer.geometry.mesh import VertexNormals
 from faceposer.geometry.texture_images import DECODER_ERRORS
-from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_places import FacePlaces
 from faceposer.identity.photos.face_texels import SIDE, Texels, face_texels, smooth_step
-from faceposer.identity.photos.harmonics import harmonics
 from faceposer.identity.photos.head_basis import HeadBasis
 from faceposer.identity.photos.skin_bands import blended_difference
-from faceposer.identity.photos.skin_light import GAMMA, SkinLight
+from faceposer.identity.photos.unlit_colours import LitPhoto, unlit_colours
 from faceposer.identity.skin_layers import BROW_STYLES, Colour
 from faceposer.identity.texture_model import TextureModel, load_texture_model
-from faceposer.landmarks.drawing import visible_triangles
 
 Array = NDArray[np.float64]
 Image32 = NDArray[np.float32]
 
 # Side of the texture.
 _TEXTURE = 2048
-# Cosines between the surface and the view between which a photo begins to count and counts fully, and those of detail,
-# which is stretched where skin is seen from the side.
-_FACING, _SHARP = (0.2, 0.6), (0.35, 0.7)
-# Depth behind the surface in the picture, in centimetres, at which a texel is hidden.
-_HIDDEN = 0.35
-# Least light, relative to the median, by which colours are divided, and largest share of a colour that is highlight.
-_DARKEST, _MOST_GLOSS = 0.25, 0.5
+# Cosines between the surface and the view between which detail, which is stretched where skin is seen from the side,
+# begins to count and counts fully.
+_SHARP = (0.35, 0.7)
 # Colour below which logarithms are not told apart.
 _BLACK = 0.02
 # Logarithm by which smooth colours differ from the model's where they cannot be of the skin.
@@ -61,25 +53,6 @@ _BROWS_SEEN, _BROW_MARGIN = 0.5, 9
 _LEAST_BROWS, _HAIRS, _HAIR_SHADE = 100, 0.3, 0.75
 # Logarithms of the chroma of smooth colours over the model's, apart from lips, between which they are no skin's.
 _TINTED = (0.15, 0.30)
-
-
-@dataclass(frozen=True, eq=False)
-class LitPhoto:
-    """A photo of a head in its light.
-
-    Attributes:
-        image: Colours, 0 to 1, shape (h, w, 3).
-        camera: Its camera.
-        vertices: All vertices of the head in its expression, shape (N, 3).
-        light: Coefficients of the light of a display's colours in camera axes, shape (9, 3).
-        lamp: The light in linear colours, with highlights, which then counts instead.
-    """
-
-    image: Image32
-    camera: FaceCamera
-    vertices: Array
-    light: Array
-    lamp: SkinLight | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +121,8 @@ class SeenSkin:
         from PIL import Image
 
         zones = self.zones
-        free = np.ones_like(self.trust) if self.painted else np.maximum(zones.near_brows, zones.lips)
-        logs = blended_difference(self.difference, self.trust, self.sharp, free)
+        free = np.maximum(zones.near_brows, zones.lips)
+        logs = blended_difference(self.difference, self.trust, self.sharp, free, limited=not self.painted)
         logs *= np.maximum(1.0 - zones.hair, self.trust)[..., None]
         picture = _picture(under, _TEXTURE)
         image = np.empty((_TEXTURE, _TEXTURE, 3), dtype=np.uint8)
@@ -206,7 +179,7 @@ def seen_skin(
     on_lips = zones.lips.ravel()[texels.at].astype(np.float64)
     total, share, direct = (np.zeros((SIDE * SIDE, k), dtype=np.float32) for k in (3, 1, 1))
     for photo in photos:
-        colours, weights, facing = _seen(photo, texels, basis)
+        colours, weights, facing = unlit_colours(photo, texels, basis)
         logs = np.log(np.maximum(colours, _BLACK)) - smooth
         weights = (
             weights * _plausible(logs, weights, texels, on_lips, tolerance) * _no_teeth(logs, smooth, weights, on_lips)
@@ -243,51 +216,6 @@ def _brow_colour(colours: Array) -> Colour | None:
     dark = colours[brightness <= np.quantile(brightness, _HAIRS)]
     red, green, blue = np.clip(_HAIR_SHADE * np.median(dark, axis=0), 0.0, 1.0).tolist()
     return (red, green, blue)
-
-
-def _seen(photo: LitPhoto, texels: Texels, basis: HeadBasis) -> tuple[Array, Array, Array]:
-    """Return the colours of the texels in ``photo`` without its light, (n, 3), their weights and cosines, (n,)."""
-    camera, character = photo.camera, basis.character
-    vertices = photo.vertices
-    local = camera.local(vertices)
-    depth = local[:, 2] + np.exp(camera.log_depth)
-    height, width = photo.image.shape[:2]
-    solid = character.triangles[character.solid_triangles]
-    faces, weights = visible_triangles(camera.pixels(local), depth, solid, (width, height))
-    front = np.full(width * height, np.inf)
-    covered = np.flatnonzero(faces >= 0)
-    front[covered] = (weights[covered] * depth[solid[faces[covered]]]).sum(axis=1)
-    normals = VertexNormals(character.triangles, len(vertices))(vertices).astype(np.float64) @ camera.rotation.T
-    at_texels = texels.of_vertices(np.concatenate([local, normals], axis=1))
-    places, normals = at_texels[:, :3], at_texels[:, 3:]
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    middles = places + (*camera.offset, np.exp(camera.log_depth))
-    towards = -middles / np.linalg.norm(middles, axis=1, keepdims=True)
-    pixels = camera.pixels(places)
-    cells = np.floor(pixels).astype(np.int64)
-    inside = ((cells >= 0) & (cells < (width, height))).all(axis=1)
-    cells = np.clip(cells, 0, (width - 1, height - 1))
-    visible = inside & (places[:, 2] + np.exp(camera.log_depth) < front[cells[:, 1] * width + cells[:, 0]] + _HIDDEN)
-    facing = (normals * towards).sum(axis=1)
-    trust = texels.region * visible * smooth_step(facing, _FACING)
-    at = pixels[:, ::-1].T - 0.5
-    colours = np.stack(
-        [ndimage.map_coordinates(photo.image[..., k], at, order=1, mode="nearest") for k in range(3)], axis=1
-    )
-    if photo.lamp is None:
-        return colours / _bounded(harmonics(normals) @ photo.light, trust), trust, facing
-    lit = photo.lamp.lit(np.full_like(normals, 0.5), normals, middles)
-    linear = np.maximum(colours, 0.0) ** GAMMA
-    linear -= np.minimum(lit.gloss[:, None], _MOST_GLOSS * linear)
-    albedo: Array = (linear / _bounded(lit.shade, trust)) ** (1.0 / GAMMA)
-    return albedo, trust, facing
-
-
-def _bounded(shade: Array, trust: Array) -> Array:
-    """Return the light at the texels, (n, 3), without that which is far below the usual."""
-    usual = np.median(shade[trust > 0.5], axis=0) if (trust > 0.5).any() else np.ones(3)
-    result: Array = np.maximum(shade, _DARKEST * np.maximum(usual, 1e-3))
-    return result
 
 
 def _usual(logs: Array, weights: Array) -> Array:

@@ -41,13 +41,17 @@ class Band:
 
 #: From the finest to the coarsest, in texels of a grid of 1024.
 BANDS: tuple[Band, ...] = (
-    Band(2.0, 0.22, 0.10, 0.03, 0.5),
-    Band(5.0, 0.14, 0.07, 0.03, 0.5),
-    Band(12.0, 0.12, 0.06, 0.04, 0.6),
-    Band(30.0, 0.10, 0.06, 0.05, 0.8),
+    Band(2.0, 0.20, 0.09, 0.02, 0.5),
+    Band(5.0, 0.13, 0.06, 0.02, 0.5),
+    Band(12.0, 0.11, 0.05, 0.025, 0.6),
+    Band(30.0, 0.10, 0.05, 0.03, 0.8),
 )
 #: What is left: the tone of a part of the face, apart from the usual one of the face.
-TONE = Band(np.inf, 0.12, 0.08, 0.05)
+TONE = Band(np.inf, 0.12, 0.07, 0.035)
+# Factor on the limits at brows and lips, apart from that of what is brighter than skin.
+_WIDER = 4.0
+# Logarithm of darkness from which they have their own chroma.
+_OWN = 0.05
 # Blur of the trust in texels by which fine detail fades before the border of what is seen, and the bands that do.
 _BORDER, _FADED = 9.0, 2
 # Trust in a blurred difference from which it counts, and from which fully.
@@ -55,14 +59,17 @@ _COUNTS, _FULL = 0.1, 0.85
 _LEAST = 1e-4
 
 
-def blended_difference(difference: Image32, trust: Image32, sharp: Image32, free: Image32) -> Image32:
+def blended_difference(
+    difference: Image32, trust: Image32, sharp: Image32, free: Image32, limited: bool = True
+) -> Image32:
     """Return the logarithms to add to the model's skin, shape (n, n, 3); n is a power of two.
 
     Args:
         difference: Logarithms of the colours seen over the model's, any where nothing is seen, shape (n, n, 3).
         trust: How much each texel is seen, 0 to 1, shape (n, n).
         sharp: Factor on the trust in the finest detail, 0 to 1, shape (n, n).
-        free: Where detail is not limited, as at brows and lips, 0 to 1, shape (n, n).
+        free: Where limits are wide, as at brows and lips, 0 to 1, shape (n, n).
+        limited: Keep bands within their limits.
     """
     height, width = trust.shape
     seen = np.flatnonzero(trust.max(axis=1) > 0.0), np.flatnonzero(trust.max(axis=0) > 0.0)
@@ -82,12 +89,12 @@ def blended_difference(difference: Image32, trust: Image32, sharp: Image32, free
     for number, band in enumerate(BANDS):
         smooth, share = _blurred(values, weights, band.width)
         opacity = weights * np.maximum(within * sharp[inside], open_[..., 0]) if number < _FADED else weights
-        result[inside] += opacity[..., None] * _limited(values - smooth, band, open_)
+        result[inside] += opacity[..., None] * (_limited(values - smooth, band, open_) if limited else values - smooth)
         values, weights = smooth, smooth_step(share, (_COUNTS, _FULL))
     most = trust > 0.5 * float(trust.max())
     usual = np.median(difference[most], axis=0).astype(np.float32)
     tone = np.zeros_like(result)
-    tone[inside] = weights[..., None] * _limited(values - usual, TONE, open_)
+    tone[inside] = weights[..., None] * (_limited(values - usual, TONE, open_) if limited else values - usual)
     return result + usual + tone
 
 
@@ -113,14 +120,16 @@ def _blurred(values: Image32, weights: Image32, width: float) -> tuple[Image32, 
 
 
 def _limited(detail: Image32, band: Band, free: Image32) -> Image32:
-    """Return a band of logarithms, (h, w, 3), within its limits, or as it is where ``free``, (h, w, 1), is 1."""
+    """Return a band of logarithms, (h, w, 3), within its limits, wider ones where ``free``, (h, w, 1), is 1."""
+    wider = np.float32(1.0) + np.float32(_WIDER - 1.0) * free
     brightness = detail.mean(axis=2, keepdims=True)
     chroma = detail - brightness
-    dark, light = np.float32(band.darker), np.float32(band.brighter)
+    dark, light = np.float32(band.darker) * wider, np.float32(band.brighter)
     held = np.where(brightness < 0.0, dark * np.tanh(brightness / dark), light * np.tanh(brightness / light))
     size = np.sqrt((chroma * chroma).sum(axis=2, keepdims=True)) + np.float32(1e-6)
-    most = np.float32(band.chroma)
-    tinted = chroma * (np.float32(band.kept) * most * np.tanh(size / most) / size)
-    result: Image32 = held + tinted
-    result += free * (detail - result)
+    # Hairs and lips have colours of their own, not the skin that shines through.
+    own = free * np.clip(brightness * np.float32(-1.0 / _OWN), 0.0, 1.0)
+    most = np.float32(band.chroma) * (np.float32(1.0) + np.float32(_WIDER - 1.0) * own)
+    kept = np.float32(band.kept) + np.float32(1.0 - band.kept) * own
+    result: Image32 = held + chroma * (kept * most * np.tanh(size / most) / size)
     return result

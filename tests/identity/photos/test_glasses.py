@@ -13,8 +13,10 @@ from faceposer.identity.editing import textures_of
 from faceposer.identity.identity import SkinTexture
 from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_places import FacePlaces
+from faceposer.identity.photos.face_texels import face_texels
 from faceposer.identity.photos.head_basis import HeadBasis
-from faceposer.identity.photos.photo_texture import LitPhoto, _seen, face_texels, photo_texture
+from faceposer.identity.photos.photo_texture import photo_texture
+from faceposer.identity.photos.unlit_colours import LitPhoto, unlit_colours
 from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.texture_model import load_texture_model
 from faceposer.landmarks.drawing import visible_triangles
@@ -99,7 +101,7 @@ def _decoded(encoded: bytes) -> np.ndarray:
 def _kept(photo: LitPhoto, under: bytes, basis: HeadBasis, places: FacePlaces) -> tuple[np.ndarray | None, np.ndarray]:
     """Return the factors of glasses, and the colours of the texels."""
     texels = face_texels(basis, places)
-    colours, weights = _seen(photo, texels, basis)
+    colours, weights, _ = unlit_colours(photo, texels, basis)
     logs = np.log(np.maximum(colours, 0.02)) - np.log(np.maximum(_decoded(under)[texels.at] / 255.0, 0.02))
     return texels.front.kept(logs - np.median(logs[weights > 0.5], axis=0), weights), colours
 
@@ -107,9 +109,9 @@ def _kept(photo: LitPhoto, under: bytes, basis: HeadBasis, places: FacePlaces) -
 def test_frames_are_replaced_by_skin(sitting: _Sitting, under: bytes, basis: HeadBasis, places: FacePlaces) -> None:
     worn, bare = sitting.photo(_glasses((35, 25, 25), 9)), sitting.photo()
     texels = face_texels(basis, places)
-    colours, weights = _seen(bare, texels, basis)
+    colours, weights, _ = unlit_colours(bare, texels, basis)
     truth = 255.0 * colours
-    difference = np.abs(255.0 * _seen(worn, texels, basis)[0] - truth).max(axis=1)
+    difference = np.abs(255.0 * unlit_colours(worn, texels, basis)[0] - truth).max(axis=1)
     frame, free = (difference > 25.0) & (weights > 0.9), (difference < 2.0) & (weights > 0.9)
     assert frame.sum() > 5000
     errors = np.abs(_decoded(photo_texture([worn], under, basis, places))[texels.at] - truth).max(axis=1)
