@@ -17,8 +17,8 @@ from faceposer.identity.skin_layers import Colour
 
 Array = NDArray[np.float64]
 
-# Transmission of the layer below which a vertex lies under hair, and how far from the middle the sides begin, in centimetres, where
-# the outline of the head does not say what is behind.
+# Transmission of the layer below which a vertex lies under hair, and how far from the middle the sides begin, where the
+# outline of the head does not say what is behind, in centimetres.
 _BARE, _SIDES = 0.65, 5.5
 # Least weight of a vertex, and least number of them.
 _SEEN, _LEAST = 0.2, 40

@@ -38,8 +38,8 @@ _BLACK = 0.02
 _FOREIGN, _FOREIGN_BLUR = 0.3, 6.0
 # Least half width of large areas of hair, and reach of strands beside them, in texels.
 _LARGE, _STRANDS = 14, (12.0, 24.0)
-# Logarithms of red over green, relative to that of the skin, between which what lies on lips is teeth and lip.
-_TEETH = (-0.06, 0.06)
+# Logarithms of red over green, relative to the model's lips, between which what lies on lips is teeth and lip.
+_TEETH = (-0.28, -0.14)
 # Weight of the mirrored side relative to the own one.
 _MIRRORED = 0.02
 _LEAST = 0.004
@@ -181,9 +181,7 @@ def seen_skin(
     for photo in photos:
         colours, weights, facing = unlit_colours(photo, texels, basis)
         logs = np.log(np.maximum(colours, _BLACK)) - smooth
-        weights = (
-            weights * _plausible(logs, weights, texels, on_lips, tolerance) * _no_teeth(logs, smooth, weights, on_lips)
-        )
+        weights = weights * _plausible(logs, weights, texels, on_lips, tolerance) * _no_teeth(logs, weights, on_lips)
         weighted = weights[:, None]
         total[texels.at] += weighted * logs
         share[texels.at] += weighted
@@ -243,9 +241,9 @@ def _plausible(logs: Array, weights: Array, texels: Texels, lips: Array, toleran
     return result if bare is None else result * bare
 
 
-def _no_teeth(logs: Array, model: Array, weights: Array, lips: Array) -> Array:
-    """Return factors on the weights of texels, (n,): less where ``lips``, (n,), are no redder than skin, as teeth."""
-    redness = (logs + model)[:, 0] - (logs + model)[:, 1]
+def _no_teeth(logs: Array, weights: Array, lips: Array) -> Array:
+    """Return factors on the weights of texels, (n,): less where ``lips``, (n,), lack the model's red, as teeth do."""
+    redness = logs[:, 0] - logs[:, 1]
     skin = (weights > 0.5) & (lips < 0.1)
     if not skin.any():
         return np.ones(len(lips))

@@ -7,6 +7,7 @@ from faceposer.geometry.camera import Camera
 from faceposer.identity.photos.face_camera import FaceCamera, rotation_of
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.head_basis import HeadBasis, head_basis
+from tests.identity.photos.sitting import Sitting, encoded_skin
 
 
 @pytest.fixture(scope="session")
@@ -19,6 +20,18 @@ def basis() -> HeadBasis:
 def places() -> FacePlaces:
     """The shipped places of landmarks."""
     return load_face_places()
+
+
+@pytest.fixture(scope="session")
+def under() -> bytes:
+    """The texture that the model would give the head of `sitting`, without brows."""
+    return encoded_skin("none")
+
+
+@pytest.fixture(scope="session")
+def sitting(basis: HeadBasis) -> Sitting:
+    """Photos of the average head."""
+    return Sitting(basis)
 
 
 @pytest.fixture

@@ -6,74 +6,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
-from scipy import ndimage
 
-from faceposer.geometry.camera import Camera
-from faceposer.identity.editing import textures_of
-from faceposer.identity.identity import SkinTexture
-from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_places import FacePlaces
 from faceposer.identity.photos.face_texels import face_texels
 from faceposer.identity.photos.head_basis import HeadBasis
-from faceposer.identity.photos.photo_texture import photo_texture
+from faceposer.identity.photos.photo_texture import Zones, photo_texture, seen_skin
 from faceposer.identity.photos.unlit_colours import LitPhoto, unlit_colours
-from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.texture_model import load_texture_model
-from faceposer.landmarks.drawing import visible_triangles
-
-_SIZE = (560, 620)
-Draw = Callable[[ImageDraw.ImageDraw, Callable[[np.ndarray], list[tuple[float, float]]]], None]
-
-
-def _encoded(brows: str, beard: float = 0.0) -> bytes:
-    coefficients = np.random.default_rng(3).standard_normal(load_texture_model().n_coefficients)
-    layers = SkinLayers(hair="short", brows=brows, beard=beard)
-    return textures_of(SkinTexture(tuple(coefficients.tolist()), layers))["skin"]
-
-
-@pytest.fixture(scope="module")
-def under() -> bytes:
-    """The texture that the model would give, without brows."""
-    return _encoded("none")
-
-
-class _Sitting:
-    """Photos of the average head with brows and stubble, in even light."""
-
-    def __init__(self, basis: HeadBasis) -> None:
-        self.vertices = basis.character.vertices.astype(np.float64)
-        rotation = np.diag([1.0, -1.0, -1.0])
-        middle = np.array([0.0, 0.5, 5.0])
-        camera = Camera(rotation, np.array([0.0, 0.0, 80.0]) - rotation @ middle, 2200.0, _SIZE)
-        self.camera = FaceCamera.of(camera, middle)
-        character = basis.character
-        triangles = basis.editor.template.triangles
-        local = self.camera.local(self.vertices)
-        depth = local[:, 2] + np.exp(self.camera.log_depth)
-        faces, weights = visible_triangles(self.camera.pixels(local), depth, triangles, _SIZE)
-        seen = np.flatnonzero(faces >= 0)
-        ids = character.triangle_uvs[faces[seen]]
-        uv = np.einsum("nc,ncd->nd", weights[seen], character.uv[ids].astype(np.float64))
-        skin = np.asarray(Image.open(io.BytesIO(_encoded("straight", 0.6))).convert("RGB"), dtype=np.float32)
-        at = [(1.0 - uv[:, 1]) * len(skin) - 0.5, uv[:, 0] * len(skin) - 0.5]
-        image = np.full((_SIZE[0] * _SIZE[1], 3), 90.0, dtype=np.float32)
-        for k in range(3):
-            image[seen, k] = ndimage.map_coordinates(skin[..., k], at, order=1, mode="nearest")
-        noise = np.random.default_rng(0).normal(0.0, 2.0, image.shape)
-        self.pixels = np.clip(image + noise, 0.0, 255.0).astype(np.uint8).reshape(_SIZE[1], _SIZE[0], 3)
-
-    def photo(self, draw: Draw | None = None) -> LitPhoto:
-        picture = Image.fromarray(self.pixels)
-        if draw is not None:
-            draw(ImageDraw.Draw(picture), lambda points: [tuple(p) for p in self.camera.project(points)])
-        light = np.zeros((9, 3))
-        light[0] = 1.0
-        return LitPhoto(np.asarray(picture, dtype=np.float32) / 255.0, self.camera, self.vertices, light)
-
-
-@pytest.fixture(scope="module")
-def sitting(basis: HeadBasis) -> _Sitting:
-    return _Sitting(basis)
+from tests.identity.photos.sitting import Draw, Sitting
 
 
 def _glasses(colour: tuple[int, int, int], width: int) -> Draw:
@@ -106,7 +46,7 @@ def _kept(photo: LitPhoto, under: bytes, basis: HeadBasis, places: FacePlaces) -
     return texels.front.kept(logs - np.median(logs[weights > 0.5], axis=0), weights), colours
 
 
-def test_frames_are_replaced_by_skin(sitting: _Sitting, under: bytes, basis: HeadBasis, places: FacePlaces) -> None:
+def test_frames_are_replaced_by_skin(sitting: Sitting, under: bytes, basis: HeadBasis, places: FacePlaces) -> None:
     worn, bare = sitting.photo(_glasses((35, 25, 25), 9)), sitting.photo()
     texels = face_texels(basis, places)
     colours, weights, _ = unlit_colours(bare, texels, basis)
@@ -124,7 +64,7 @@ def test_frames_are_replaced_by_skin(sitting: _Sitting, under: bytes, basis: Hea
 
 
 def test_thin_frames_of_about_the_colour_of_the_skin_are_found(
-    sitting: _Sitting, under: bytes, basis: HeadBasis, places: FacePlaces
+    sitting: Sitting, under: bytes, basis: HeadBasis, places: FacePlaces
 ) -> None:
     kept, colours = _kept(sitting.photo(_glasses((120, 75, 35), 6)), under, basis, places)
     _, bare = _kept(sitting.photo(), under, basis, places)
@@ -137,6 +77,22 @@ def test_thin_frames_of_about_the_colour_of_the_skin_are_found(
 
 @pytest.mark.parametrize("draw", [None, _moles])
 def test_brows_stubble_and_moles_are_no_glasses(
-    sitting: _Sitting, under: bytes, basis: HeadBasis, places: FacePlaces, draw: Draw | None
+    sitting: Sitting, under: bytes, basis: HeadBasis, places: FacePlaces, draw: Draw | None
 ) -> None:
     assert _kept(sitting.photo(draw), under, basis, places)[0] is None
+
+
+def test_no_glasses_are_printed_into_paintings(
+    sitting: Sitting, under: bytes, basis: HeadBasis, places: FacePlaces
+) -> None:
+    zones, texels = Zones.of(load_texture_model(), "short"), face_texels(basis, places)
+    worn, bare = (sitting.photo(draw) for draw in (_glasses((35, 25, 25), 9), None))
+    drawn = np.abs(worn.image - bare.image).max(axis=2)
+    seen = seen_skin([worn], under, basis, places, zones, 1.8, painted=True)
+    places_in_photo = np.floor(worn.camera.pixels(worn.camera.local(texels.of_vertices(worn.vertices)))).astype(int)
+    columns, rows = np.clip(places_in_photo.T, 0, np.array(drawn.shape)[::-1, None] - 1)
+    frame = (drawn[rows, columns] > 0.2) & (texels.region > 0.9) & (texels.brows < 0.1)
+    assert frame.sum() > 2000
+    assert np.median(seen.trust.ravel()[texels.at][frame]) == 0.0
+    logs = seen.difference[seen.trust > 0.5].mean(axis=1)
+    assert (logs < -0.8).mean() < 0.002
