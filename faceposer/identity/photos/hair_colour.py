@@ -60,8 +60,9 @@ def hair_colour_of(
     looks = colour_of_hair(np.concatenate(seen), skin)
     if looks is None:
         return None
-    # Skin shines through the layer.
+    # Skin shines through the layer. Its colour is taken away in part only: errors of it would make hair gaudy.
     hairs = (np.array(looks) - transmission[at].mean() * skin) / max(float(shade[at].mean()), 0.1)
+    hairs = (hairs + np.array(looks) * (hairs.mean() / max(float(np.mean(looks)), 0.02))) / 2.0
     red, green, blue = np.clip(hairs, *_RANGE).tolist()
     return (red, green, blue)
 

@@ -42,9 +42,9 @@ class Band:
 #: From the finest to the coarsest, in texels of a grid of 1024.
 BANDS: tuple[Band, ...] = (
     Band(2.0, 0.20, 0.09, 0.02, 0.5),
-    Band(5.0, 0.13, 0.06, 0.02, 0.5),
-    Band(12.0, 0.11, 0.05, 0.025, 0.6),
-    Band(30.0, 0.10, 0.05, 0.03, 0.8),
+    Band(5.0, 0.10, 0.06, 0.02, 0.5),
+    Band(12.0, 0.08, 0.05, 0.025, 0.6),
+    Band(30.0, 0.07, 0.05, 0.03, 0.8),
 )
 #: What is left: the tone of a part of the face, apart from the usual one of the face.
 TONE = Band(np.inf, 0.12, 0.07, 0.035)
