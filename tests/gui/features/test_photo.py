@@ -50,9 +50,17 @@ def photo(tmp_path: Path) -> Path:
 
 
 def open_photo(robot: Robot, path: Path) -> None:
-    robot.app.window.play_event(Drop((str(path),)))
-    robot.frames(3)
-    robot.click_widget("tab:Photo")
+    """Drop the photo, show it behind the face and begin to set pins."""
+    drop(robot, path)
+    robot.click_widget("choice:0")
+    robot.frames(2)
+    robot.key("O")
+
+
+def drop(robot: Robot, *files: Path) -> None:
+    robot.app.window.play_event(Drop(tuple(map(str, files))))
+    # A dialog is visible after some frames.
+    robot.frames(5)
 
 
 def at(robot: Robot, pixel: tuple[float, float]) -> tuple[float, float]:

@@ -1,0 +1,107 @@
+"""A line over the view that divides photo and face, dragged with the pointer or moved by keys."""
+
+from imgui_bundle import ImVec2, imgui
+
+from faceposer.gui.context import EditorContext
+from faceposer.gui.viewport import Pixel
+from faceposer.gui.widgets.theme import EDGE, INK, u32
+
+# Distance within which the pointer takes the line, and radius of its handle, in pixels at normal density.
+_REACH, _HANDLE = 4.0, 6.0
+# Step of the keys, as a share of the width of the view.
+_STEP = 0.02
+_FLAGS = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_background
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_bring_to_front_on_focus
+    | imgui.WindowFlags_.no_nav
+)
+
+
+class Wipe:
+    """The line: on its left the view shows the photo, on its right the face.
+
+    Attributes:
+        on: True if the user has switched it on.
+        share: Where it is, as a share of the width of the view.
+        shown: True if the view shows it: it needs a photo, seen through its camera.
+        hovered: True if the pointer is on it, or drags it.
+    """
+
+    def __init__(self, context: EditorContext) -> None:
+        """Divide the view of ``context``."""
+        self._context = context
+        self.reset()
+
+    def reset(self) -> None:
+        """Switch it off and move it to the middle, such as for another session."""
+        self.on = self.shown = self.hovered = False
+        self.share = 0.5
+
+    def toggle(self) -> None:
+        """Switch it on or off."""
+        self.on = not self.on
+        self._context.redraw()
+
+    def move(self, steps: int) -> None:
+        """Move it by ``steps`` to the right, negative to the left."""
+        self.share = min(max(self.share + steps * _STEP, 0.0), 1.0)
+        self._context.redraw()
+
+    @property
+    def _across(self) -> float:
+        """Its place in the window."""
+        viewport = self._context.viewport
+        return round(viewport.origin[0] + self.share * viewport.size[0])
+
+    def contains(self, position: Pixel) -> bool:
+        """Return True if a position in the window is within reach of the line."""
+        viewport = self._context.viewport
+        near = abs(position[0] - self._across) <= _REACH * viewport.ui_scale
+        return self.shown and near and viewport.contains(position)
+
+    def draw_line(self, draw: imgui.ImDrawList) -> None:
+        """Draw the line over the view."""
+        if not self.shown:
+            return
+        viewport, x = self._context.viewport, self._across
+        scale, top = viewport.ui_scale, viewport.origin[1]
+        bottom = top + viewport.size[1]
+        draw.add_line((x, top), (x, bottom), u32(EDGE, 0.7), 3.0 * scale)
+        draw.add_line((x, top), (x, bottom), u32(INK), 1.0 * scale)
+        middle = (x, top + 0.5 * viewport.size[1])
+        draw.add_circle_filled(middle, (_HANDLE + 1.5) * scale, u32(EDGE, 0.7))
+        draw.add_circle_filled(middle, (_HANDLE + 1.5 * self.hovered) * scale, u32(INK))
+
+    def draw_handle(self) -> None:
+        """Draw the invisible strip along the line that takes the pointer, and move the line with it."""
+        self.hovered = False
+        if not self.shown:
+            return
+        context, viewport = self._context, self._context.viewport
+        reach = _REACH * viewport.ui_scale
+        # Not beyond the view, where other widgets are.
+        left = max(self._across - reach, viewport.origin[0])
+        right = min(self._across + reach, viewport.origin[0] + viewport.size[0])
+        size = ImVec2(max(right - left, 1.0), viewport.size[1])
+        imgui.set_next_window_pos(ImVec2(left, viewport.origin[1]))
+        imgui.set_next_window_size(size)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0.0, 0.0))
+        imgui.push_style_var(imgui.StyleVar_.window_min_size, ImVec2(1.0, 1.0))
+        imgui.begin("##photo-wipe", None, _FLAGS)
+        imgui.pop_style_var(2)
+        imgui.invisible_button("##line", size)
+        context.widget_rects.record("photo-wipe-line")
+        self.hovered = (imgui.is_item_hovered() or imgui.is_item_active()) and not context.toolbox.active
+        if imgui.is_item_active():
+            at = imgui.get_mouse_pos().x - viewport.origin[0]
+            share = min(max(at / viewport.size[0], 0.0), 1.0)
+            if share != self.share:
+                self.share = share
+                context.redraw()
+        if self.hovered:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew.value)
+        imgui.end()
