@@ -181,7 +181,7 @@ class PhotoFeature(PhotoCommands, Feature):
         self._last_pin_count = (photo.path, len(photo.pins))
         if context.toolbox.active:
             self._last_pin_count = before
-        elif before == (photo.path, LEAST_POINTS - 1) and len(photo.pins) == LEAST_POINTS:
+        elif before[0] == photo.path and before[1] < LEAST_POINTS <= len(photo.pins):
             head = context.viewport.camera.project(context.scene.vertices)
             if float(np.ptp(head[:, 1])) < _SMALL * context.viewport.size[1]:
                 context.notify(f"Press {context.actions['frame'].shortcut} to zoom in on the head")

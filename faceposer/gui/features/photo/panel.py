@@ -81,20 +81,20 @@ def _draw_ways(photos: Photos) -> None:
     context = photos.context
     title = context.session.model.character.title
     caption("Open a photo in one of three ways, or drop it onto the window.")
-    heading(context.fonts, "The person becomes a character")
+    imgui.spacing()
     if _way(photos, "photo-to-head", "Head from photos...", "Make a new character of photos of a person"):
         photos.make_head()
-    caption("Of one or several photos. The photo's expression is its pose.")
-    heading(context.fonts, f"{title} gets the expression")
-    takes = photos.takes_expressions
-    tip = "Open a photo behind the face and pose the character after it, without pins"
-    if _way(photos, "photo-to-expression", "Take the expression...", f"{tip}\n{_takes_problem(photos)}".strip(), takes):
+    caption("The person becomes a character.")
+    imgui.spacing()
+    takes, problem = photos.takes_expressions, _takes_problem(photos)
+    tip = "Open a photo behind the face, find the face in it, and pose the character after it"
+    if _way(photos, "photo-to-expression", "Take the expression...", f"{tip}\n{problem}".strip(), takes):
         photos.ask_and_take_expression()
-    caption("The face is found by itself." if takes else _takes_problem(photos))
-    heading(context.fonts, "Pins by hand")
-    if _way(photos, "photo-to-pins", "Set pins...", "Open a photo and mark features of the face on it"):
+    caption(f"{title} gets it, without pins." if takes else problem)
+    imgui.spacing()
+    if _way(photos, "photo-to-pins", "Set pins...", "Open a photo behind the face and mark features of the face on it"):
         photos.ask_and_pin()
-    caption("For any character, and for photos and drawings in which no face is found.")
+    caption("By hand: for any character, and for drawings.")
 
 
 def _draw_row(photos: Photos, index: int) -> bool:
@@ -141,8 +141,6 @@ def _draw_layers(photos: Photos, photo: Photo) -> None:
         photos.change(replace(photo, opacity=min(max(opacity, 0.0), 1.0)), "Opacity of the photo")
 
     context.slider_edit.update(context.session, "photo-opacity", "Opacity of the photo", changed, apply)
-    _draw_wipe(photos)
-    imgui.same_line()
     shown = context.actions["photo-shown"]
     pressed, _ = imgui.checkbox("Show the photo", photo.visible)
     context.widget_rects.record("photo-shown")
@@ -159,11 +157,13 @@ def _draw_layers(photos: Photos, photo: Photo) -> None:
             context.viewport.view = replace(view if not locked else view.back(), locked=locked)
     if not photos.aligned:
         action_button(context.widget_rects, context.actions["photo-look"], -1.0, strong=True)
+    _draw_wipe(photos)
+    imgui.same_line()
     _draw_putting_back(photos)
 
 
 def _draw_wipe(photos: Photos) -> None:
-    """Draw the switch of the line between photo and face, and its place."""
+    """Draw the switch of the line between photo and face."""
     context, wipe = photos.context, photos.wipe
     action = context.actions["photo-wipe"]
     pressed, _ = imgui.checkbox("Wipe", wipe.on)
@@ -193,7 +193,8 @@ def _draw_camera(photos: Photos, photo: Photo) -> None:
     count = len(residuals)
     if count < LEAST_POINTS:
         more = LEAST_POINTS - count
-        caption(f"Set {more} more pin{'s' if more > 1 else ''} to align the rotation of the head.")
+        way = "Take the expression, or set" if photos.takes_expressions and not count else "Set"
+        caption(f"{way} {counted(more, 'more pin')} to align the rotation of the head.")
     else:
         height = _projected_height(context, photo)
         mean = float(np.mean(list(residuals.values())))

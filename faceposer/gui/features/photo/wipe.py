@@ -8,8 +8,8 @@ from faceposer.gui.widgets.theme import EDGE, INK, u32
 
 # Distance within which the pointer takes the line, and radius of its handle, in pixels at normal density.
 _REACH, _HANDLE = 4.0, 6.0
-# Step of the keys, as a share of the width of the view.
-_STEP = 0.02
+# Step of the keys, as a share of the width of the view, and stride of the vertices that are looked for in the view.
+_STEP, _STRIDE = 0.02, 7
 _FLAGS = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.no_background
@@ -42,8 +42,13 @@ class Wipe:
         self.share = 0.5
 
     def toggle(self) -> None:
-        """Switch it on or off."""
+        """Switch it on or off; where it would not cross the face, it moves there."""
         self.on = not self.on
+        viewport = self._context.viewport
+        across = viewport.camera.project(self._context.scene.vertices[::_STRIDE])[:, 0] / viewport.size[0]
+        low, high = float(across.min()), float(across.max())
+        if self.on and not low < self.share < high and low < 1.0 and high > 0.0:
+            self.share = 0.5 * (max(low, 0.0) + min(high, 1.0))
         self._context.redraw()
 
     def move(self, steps: int) -> None:
