@@ -141,6 +141,9 @@ def _draw_layers(photos: Photos, photo: Photo) -> None:
         photos.change(replace(photo, opacity=min(max(opacity, 0.0), 1.0)), "Opacity of the photo")
 
     context.slider_edit.update(context.session, "photo-opacity", "Opacity of the photo", changed, apply)
+    _draw_wipe(photos)
+    imgui.same_line()
+    _draw_putting_back(photos)
     shown = context.actions["photo-shown"]
     pressed, _ = imgui.checkbox("Show the photo", photo.visible)
     context.widget_rects.record("photo-shown")
@@ -157,9 +160,7 @@ def _draw_layers(photos: Photos, photo: Photo) -> None:
             context.viewport.view = replace(view if not locked else view.back(), locked=locked)
     if not photos.aligned:
         action_button(context.widget_rects, context.actions["photo-look"], -1.0, strong=True)
-    _draw_wipe(photos)
-    imgui.same_line()
-    _draw_putting_back(photos)
+    action_button(context.widget_rects, context.actions["photo-save"], -1.0, reason=photos.put_back_problem)
 
 
 def _draw_wipe(photos: Photos) -> None:
@@ -183,7 +184,6 @@ def _draw_putting_back(photos: Photos) -> None:
     tooltip(f"{action.tooltip}\n{problem}".strip())
     if pressed and action.enabled():
         action.run()
-    action_button(context.widget_rects, context.actions["photo-save"], -1.0, reason=problem)
 
 
 def _draw_camera(photos: Photos, photo: Photo) -> None:
