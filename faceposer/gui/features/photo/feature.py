@@ -183,7 +183,8 @@ class PhotoFeature(PhotoCommands, Feature):
             self._last_pin_count = before
         elif before[0] == photo.path and before[1] < LEAST_POINTS <= len(photo.pins):
             head = context.viewport.camera.project(context.scene.vertices)
-            if float(np.ptp(head[:, 1])) < _SMALL * context.viewport.size[1]:
+            # A note on the face that was found comes first.
+            if not context.notice and float(np.ptp(head[:, 1])) < _SMALL * context.viewport.size[1]:
                 context.notify(f"Press {context.actions['frame'].shortcut} to zoom in on the head")
 
     def join(self) -> None:

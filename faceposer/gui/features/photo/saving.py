@@ -128,7 +128,7 @@ class ChangedPhotoFeature(WorkFeature):
         with modal("##photo-save", _WIDTH) as shown:
             if shown:
                 stage = "Stopping..." if job.cancelled else f"{job.stage}..."
-                text = f"{stage} The file is written at the end."
+                text = f"{stage} Nothing is written if you cancel."
                 draw_job(context.fonts, context.widget_rects, "photo-save", f"Writing {self._path.name}", job, text)
 
     def close(self) -> None:
