@@ -236,7 +236,8 @@ def _draw_pins(photos: Photos, photo: Photo) -> None:
     context, tool = photos.context, photos.tool
     heading(context.fonts, "Pins")
     width = button_width(2)
-    action_button(context.widget_rects, context.actions["photo-pin"], width, "Set pins")
+    only_way = not photos.takes_expressions and not photo.pins
+    action_button(context.widget_rects, context.actions["photo-pin"], width, "Set pins", strong=only_way)
     imgui.same_line()
     action_button(context.widget_rects, context.actions["photo-skip"], width, "Skip")
     ready = photos.has_enough_pins and tool.next_place(context.viewport) is None and not _posed(context, photo)

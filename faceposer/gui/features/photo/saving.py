@@ -18,7 +18,7 @@ from faceposer.render.images import write_png
 from faceposer.session.jobs import ThreadJob, outcome
 from faceposer.session.photos import check_no_photo
 
-_WIDTH = 36.0
+_WIDTH, _WRITING = 36.0, "Writing the file"
 
 
 class ChangedPhotoFeature(WorkFeature):
@@ -89,7 +89,7 @@ class ChangedPhotoFeature(WorkFeature):
             head = head_in_photo(model, photo)
             progress.at("Putting the face back")
             pixels = put_back(head, vertices, skin_change(model, identity), progress)
-            progress.at("Writing the file")
+            progress.at(_WRITING)
             write_png(path, pixels)
             return path
 
@@ -128,7 +128,8 @@ class ChangedPhotoFeature(WorkFeature):
         with modal("##photo-save", _WIDTH) as shown:
             if shown:
                 stage = "Stopping..." if job.cancelled else f"{job.stage}..."
-                text = f"{stage} Nothing is written if you cancel."
+                safe = "" if job.stage == _WRITING else " Nothing is written if you cancel."
+                text = f"{stage}{safe}"
                 draw_job(context.fonts, context.widget_rects, "photo-save", f"Writing {self._path.name}", job, text)
 
     def close(self) -> None:
