@@ -23,7 +23,7 @@ from faceposer.files.writing import write_json
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.poses.library import safe_stem
 from faceposer.poses.pose_file import Pose, checked_name, pose_text, read_pose
-from faceposer.session.document import absolute_character, path_from, portable_character
+from faceposer.session.document import absolute_character
 from faceposer.transfer.examples import MOST_KEYS, NEUTRAL
 from faceposer.transfer.key_parameters import FEWEST_POINTS, Regions
 
@@ -217,6 +217,19 @@ class KeyFolder:
         """
         return next((entry for entry in self._listed() if entry.name == name), None)
 
+    def existing(self, name: str) -> KeyFiles:
+        """Return the key with this name.
+
+        Raises:
+            FacePoserError: If there is none, a folder cannot be listed, or has two files of one name.
+        """
+        entry = self.entry(name)
+        if entry is None:
+            near = get_close_matches(name, [entry.name for entry in self._listed()], 1)
+            help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
+            raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
+        return entry
+
     def check_room(self, more: int) -> None:
         """Check that ``more`` keys can be added.
 
@@ -357,11 +370,7 @@ class KeyFolder:
         Raises:
             FacePoserError: If there is none, or a file cannot be deleted.
         """
-        entry = self.entry(name)
-        if entry is None:
-            near = get_close_matches(name, [entry.name for entry in self._listed()], 1)
-            help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
-            raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
+        entry = self.existing(name)
         delete_keys(path for path in (entry.source, entry.target) if path is not None)
         if name in (*self.expressions, *self.visemes):
             expressions, visemes = (
@@ -388,10 +397,3 @@ def delete_keys(files: Iterable[Path]) -> None:
             raise FacePoserError(
                 f"The key '{path}' cannot be deleted: {error.strerror}; allow changes of its folder."
             ) from error
-
-
-def portable_target(target: str, folder: Path) -> str:
-    """Return the reference to a character or a mesh in the description of the keys in ``folder``."""
-    if Path(target).suffix.lower() not in POSED_MESH_SUFFIXES:
-        return portable_character(target, folder)
-    return path_from(target, folder)
