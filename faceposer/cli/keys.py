@@ -189,7 +189,8 @@ def _pose(path: Path) -> "Pose":
 
 def _add(options: argparse.Namespace) -> int:
     from faceposer.session.key_edits import add_key
-    from faceposer.session.key_folder import KeyFolder, KeyTakenError
+    from faceposer.session.key_entries import KeyTakenError
+    from faceposer.session.key_folder import KeyFolder
 
     keys = KeyFolder.read(options.folder)
     try:

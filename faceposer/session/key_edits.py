@@ -19,8 +19,9 @@ from faceposer.poses.pose_file import Pose, pose_text, write_pose
 from faceposer.poses.pose_file import read_pose as read_pose_file
 from faceposer.progress import Progress
 from faceposer.session.file_kinds import kind_of
+from faceposer.session.key_entries import KeyTakenError, checked_key_name, delete_keys
 from faceposer.session.key_files import character_of, key_displacements, load_side, read_key
-from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, KeyTakenError, Side, checked_key_name, delete_keys
+from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, Side
 from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
 from faceposer.session.keys import check_points, load_keys
 from faceposer.session.opening import open_session

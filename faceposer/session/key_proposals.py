@@ -18,8 +18,9 @@ from faceposer.poses.library import Entry, PoseLibrary, safe_stem, starter_poses
 from faceposer.poses.pose_file import Pose
 from faceposer.progress import Progress
 from faceposer.session.document import path_from, portable_character
+from faceposer.session.key_entries import count_with_neutral
 from faceposer.session.key_files import neutral_of
-from faceposer.session.key_folder import COMPOSED, KeyFolder, count_with_neutral
+from faceposer.session.key_folder import COMPOSED, KeyFolder
 from faceposer.session.opening import load_model
 from faceposer.transfer.examples import MOST_KEYS
 from faceposer.transfer.key_parameters import Regions

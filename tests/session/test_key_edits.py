@@ -357,3 +357,14 @@ def test_a_key_is_renamed_with_both_sides_or_not_at_all(mesh_keys: KeyFolder, mo
     with pytest.raises(FacePoserError, match="No space left"):
         rename_key(mesh_keys, "open", "Yawn")
     assert content(mesh_keys) == before
+
+
+def test_a_key_with_two_files_of_one_side_is_not_changed_and_others_are(keys: KeyFolder) -> None:
+    (keys.folder / "target" / "smile.obj").write_text("")
+    before = content(keys)
+    for change in (lambda: keys.remove("smile"), lambda: rename_key(keys, "smile", "Grin")):
+        with pytest.raises(FacePoserError, match=r"The key 'smile' has two files, .* remove one of them"):
+            change()
+    assert content(keys) == before
+    assert rename_key(keys, "open", "Yawn") == "yawn"
+    assert list(load_keys(keys).left_out) == ["smile"]
