@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import faceposer.photo.faces
 import faceposer.photo.putting_back
 import faceposer.session.putting_back
 from faceposer.gui.features.photo.feature import PhotoFeature
@@ -136,6 +137,11 @@ def test_the_line_is_dragged_and_the_face_beside_it(quick: Robot, path: Path) ->
     assert app.gui.cursors.shown == "resize_ew"
     assert "line between photo and face" in app.hint()
     assert app.toolbox.hover is None
+    zoom = app.viewport.view.distance
+    robot.wheel(1)
+    assert app.viewport.view.distance < zoom, "the wheel zooms there, too"
+    robot.wheel(-1)
+    x, y = face(robot)
     begin = app.viewport.origin[0] + wipe.share * app.viewport.size[0]
     robot.drag((begin, y), (begin + 15.0, y + 20.0), steps=3)
     assert app.viewport.origin[0] + wipe.share * app.viewport.size[0] == pytest.approx(begin + 15.0, abs=1.0)
@@ -280,6 +286,29 @@ def test_the_wipe_divides_photo_and_changed_photo(quick: Robot, path: Path, slow
     assert layer.left is own
     assert layer.picture is not own
     assert layer.split == photos.wipe.share
+
+
+def test_an_expression_that_is_being_found_is_shown_and_cancelled(
+    quick: Robot, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, app = quick, quick.app
+    may_go = threading.Event()
+    monkeypatch.setattr(faceposer.photo.faces, "read_face", lambda *_: may_go.wait(10.0))
+    photos = show(robot, path, known=False)
+    try:
+        robot.click_widget("photo-expression")
+        robot.frames(2)
+        assert "photo-busy" in app.widget_rects
+        assert not app.actions["photo-expression"].enabled()
+        robot.key("Esc")
+        assert "photo-busy" not in app.widget_rects
+    finally:
+        may_go.set()
+    photos.expression.join()
+    robot.frames(3)
+    assert not app.dialogs.open
+    assert app.session.undo_label == "Open a photo"
+    assert app.actions["photo-expression"].enabled()
 
 
 def _expression(robot: Robot, photos: PhotoFeature) -> None:

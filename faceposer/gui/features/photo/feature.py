@@ -28,6 +28,9 @@ from faceposer.solve.camera_fit import LEAST_POINTS
 
 # Share of the view's height below which a head is small.
 _SMALL = 0.5
+_WIPE_HINT = (
+    "Drag: move the line between photo and face   ·   Ctrl+Left Ctrl+Right: move it by keys   ·   Shift+W: no wipe"
+)
 # Seconds between two pictures of a bar of progress: more would take the time of the work.
 _BAR_SECONDS = 0.1
 
@@ -79,7 +82,7 @@ class PhotoFeature(PhotoCommands, Feature):
     @property
     def hint(self) -> str:
         """Hint for the mouse on the line between photo and face."""
-        return "Drag: move the line between photo and face   ·   Shift+W: no wipe" if self.wipe.hovered else ""
+        return _WIPE_HINT if self.wipe.hovered else ""
 
     def contains(self, position: Pixel) -> bool:
         """Return True if ``position``, in window units, is on the line between photo and face."""
@@ -193,7 +196,8 @@ class PhotoFeature(PhotoCommands, Feature):
         self.putting_back.join()
 
     def close(self) -> None:
-        """Release the textures."""
+        """Cancel the work and release the textures."""
+        self.expression.cancel()
         self.context.scene.photo = None
         self.textures.release()
         self.putting_back.forget()

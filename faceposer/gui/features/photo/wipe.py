@@ -5,6 +5,7 @@ from imgui_bundle import ImVec2, imgui
 from faceposer.gui.context import EditorContext
 from faceposer.gui.viewport import Pixel
 from faceposer.gui.widgets.theme import EDGE, INK, u32
+from faceposer.tools.tool import PointerEvent
 
 # Distance within which the pointer takes the line, and radius of its handle, in pixels at normal density.
 _REACH, _HANDLE = 4.0, 6.0
@@ -12,6 +13,7 @@ _REACH, _HANDLE = 4.0, 6.0
 _STEP, _STRIDE = 0.02, 7
 _FLAGS = (
     imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_scroll_with_mouse
     | imgui.WindowFlags_.no_background
     | imgui.WindowFlags_.no_move
     | imgui.WindowFlags_.no_saved_settings
@@ -108,4 +110,13 @@ class Wipe:
                 context.redraw()
         if self.hovered:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew.value)
+            self._zoom()
         imgui.end()
+
+    def _zoom(self) -> None:
+        """Zoom with the wheel as beside the line."""
+        context, mouse, wheel = self._context, imgui.get_mouse_pos(), imgui.get_io().mouse_wheel
+        if wheel:
+            position = context.viewport.local((mouse.x, mouse.y))
+            context.toolbox.dispatch(PointerEvent("wheel", position, time=context.clock(), wheel=wheel))
+            context.redraw()
