@@ -117,7 +117,7 @@ def test_what_cannot_be_used_is_said_in_a_sentence(robot: Robot, path: Path, tmp
     app.actions["export-other"].run()
     robot.frames(4)
     drop(robot, path)
-    assert "File > Open photo" in question(robot).text
+    assert "dropped onto the window while no dialog is open" in question(robot).text
     assert names(robot) == []
 
 
