@@ -190,8 +190,11 @@ def test_the_wipe_is_there_while_the_photo_is_looked_through(quick: Robot, path:
     left, top, right, bottom = app.widget_rects["photo-opacity"]
     robot.drag(((left + right) / 2, (top + bottom) / 2), (left + 3, (top + bottom) / 2), steps=3)
     assert not photos.wipe.on, "the opacity is to be seen"
-    photos.wipe.toggle()
-    robot.frames(2)
+    robot.key("Shift+O")
+    robot.key("1")
+    robot.key("Shift+W")
+    assert photos.aligned
+    assert photos.wipe.shown, "it is seen at once when it is switched on"
     app.files.open("low")
     robot.frames(4)
     robot.click_widget("choice:1")

@@ -92,7 +92,7 @@ def photo_actions(photos: Photos) -> tuple[Action, ...]:
             "photo-wipe",
             "Wipe between photo and face",
             "View",
-            photos.wipe.toggle,
+            photos.toggle_wipe,
             ("Shift+W",),
             has_photo,
             lambda: photos.wipe.on,

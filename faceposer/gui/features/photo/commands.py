@@ -274,13 +274,23 @@ class PhotoCommands:
         if self.putting_back.on or self.photo is None:
             self.putting_back.switch(False)
             return
-        if not self.photo.visible:
+        self._show_photo()
+        self.putting_back.switch(True)
+
+    def toggle_wipe(self) -> None:
+        """Divide the view by a line between photo and face, seen through the photo's camera, or no longer."""
+        if not self.wipe.on:
+            self._show_photo()
+        self.wipe.toggle()
+
+    def _show_photo(self) -> None:
+        """Show the photo without the tool that sets pins, seen through its camera."""
+        if self.photo is not None and not self.photo.visible:
             self.toggle()
         if self.pinning:
             self.context.toolbox.choose("point")
         if not self.aligned:
             self.look_through()
-        self.putting_back.switch(True)
 
     def pose_from_pins(self) -> None:
         """Pose the face from the pins as one step of the history; constraints made from them before are replaced."""

@@ -35,6 +35,9 @@ class Photos(Protocol):
     def put_back(self) -> None:
         """Show the photo with the face put back, seen through its camera, or photo and face again."""
 
+    def toggle_wipe(self) -> None:
+        """Divide the view by a line between photo and face, seen through the photo's camera, or no longer."""
+
     @property
     def photos(self) -> tuple[Photo, ...]:
         """The photos of the session."""
