@@ -6,6 +6,7 @@ Run from the root of a checkout::
     python -m scripts.study_photo --json F.json --n 10 --first 3000 --views 1 --lights other
     python -m scripts.study_photo --json F.json --n 10 --first 4000 --views 1 --lights other --paintings
     python -m scripts.study_photo --json F.json --n 0 --scan shared/scans/perry_smith.obj
+    python -m scripts.study_photo --json F.json --n 6 --first 2010 --skins
 """
 
 import argparse
@@ -20,6 +21,7 @@ if str(ROOT) not in sys.path:
 
 from faceposer.files.writing import write_json
 from scripts.photo_study.scan_photos import ScanStudy
+from scripts.photo_study.skins import SkinStudy
 from scripts.photo_study.study import Study, Trial, rows_of
 
 
@@ -37,8 +39,16 @@ def main() -> None:
         "--lights", choices=("phong", "other"), default="phong", help="light as of the fit, or lamps and sky"
     )
     parser.add_argument("--paintings", action="store_true", help="make paintings of the photos, and fit them as such")
+    parser.add_argument("--skins", action="store_true", help="instead, compare skins from one photo with the true ones")
     options = parser.parse_args()
     study = Study(options.lights == "other", options.paintings)
+    if options.skins:
+        skins, errors = SkinStudy(study), []
+        for number in range(options.first, options.first + options.n):
+            errors += [{"person": number, **asdict(error)} for error in skins.errors(number)]
+            write_json(options.json, {"skins": errors}, "study")
+            print(errors[-1:], flush=True)
+        return
     trials = [trial for path in options.add for trial in _read(path)]
     if options.scan:
         scan = ScanStudy(study, options.scan)

@@ -35,7 +35,8 @@ _TESTS = (
     ("expression", "synthetic", "expression"),
     ("scan-photo", "scan-photo", "head"),
 )
-_FIRST_SEED = 5000
+#: Seed of the first person.
+FIRST_SEED = 5000
 #: Turns of the face, in radians, between which those of three views are drawn.
 YAWS = ((-0.3, 0.3), (-0.7, -0.35), (0.35, 0.7))
 # Distance of the vertices measured from the landmarks, in centimetres.
@@ -92,7 +93,7 @@ class Study:
     def trials(self, number: int, views: Sequence[int] = (1, 3)) -> Iterator[Trial]:
         """Yield the trials of person ``number``."""
         rng = np.random.default_rng(1000 + number)
-        person = random_person(self.basis.editor, self.basis.character, _FIRST_SEED + number)
+        person = random_person(self.basis.editor, self.basis.character, FIRST_SEED + number)
         many = np.random.default_rng(number) if self.other_lights else None
         photos = []
         for low, high in YAWS[: max(views)]:
