@@ -44,8 +44,8 @@ _TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
 #: Weight of the density of heads for paintings, whose features are a painter's.
 PAINTED = 2.0
-# Density of brows that photos do not show.
-_LOST_BROWS = 0.7
+# Style and density of brows that photos do not show.
+_LOST_BROWS, _LOST_DENSITY = "straight", 0.7
 # How much more colours of a painted face may differ than those of skin under one light.
 _TOLERANCE = 1.8
 
@@ -235,7 +235,7 @@ def _skin_of(
     under = textures_of(replace(texture, layers=replace(texture.layers, brows="none")))["skin"]
     seen = seen_skin(photos, under, basis, places, zones, _TOLERANCE if painting else 1.0, painting)
     if seen.brows_lost:
-        layers = replace(texture.layers, brow_colour=seen.brow_colour, brow_strength=_LOST_BROWS)
+        layers = replace(texture.layers, brows=_LOST_BROWS, brow_colour=seen.brow_colour, brow_strength=_LOST_DENSITY)
         texture, seen = replace(texture, layers=layers), seen.without_brows()
         under = textures_of(texture)["skin"]
     return texture, seen.over(under)

@@ -46,8 +46,8 @@ _LEAST = 0.004
 # Blur in texels below which detail, as pores, is the model's: photos show none of it.
 _PORES = 1.5
 _QUALITY = 92
-# Share of the brows that must be seen, and size in texels of what is left out about lost ones.
-_BROWS_SEEN, _BROW_MARGIN = 0.5, 9
+# Share of the brows that must be seen, that glasses may cover, and size in texels of what is left out about lost ones.
+_BROWS_SEEN, _BROWS_WORN, _BROW_MARGIN = 0.5, 0.15, 9
 # Least number of texels of brows whose colour counts; quantile of their brightness below which they are hairs, and
 # the share of the colour of hairs in that, as skin shines through.
 _LEAST_BROWS, _HAIRS, _HAIR_SHADE = 100, 0.3, 0.75
@@ -91,6 +91,7 @@ class SeenSkin:
         difference: Logarithms of the colours over the model's, shape (side, side, 3).
         trust: How much each texel of the grid is seen, 0 to 1, shape (side, side).
         sharp: Factor on the trust in details, 0 to 1, shape (side, side).
+        worn: Where glasses lie in all photos, 0 to 1, shape (side, side).
         painted: All of it is kept, as of a painting.
         brow_colour: Colour of what is seen of the brows, sRGB 0 to 1, or None if too little is.
     """
@@ -99,6 +100,7 @@ class SeenSkin:
     difference: Image32
     trust: Image32
     sharp: Image32
+    worn: Image32
     painted: bool
     brow_colour: Colour | None
 
@@ -106,7 +108,10 @@ class SeenSkin:
     def brows_lost(self) -> bool:
         """True if too little of the brows is seen, as under frames of glasses."""
         on_brows = self.zones.brows > 0.5
-        return bool(on_brows.any()) and bool((self.trust[on_brows] > 0.5).mean() < _BROWS_SEEN)
+        seen, worn = (
+            float((plane[on_brows] > 0.5).mean()) if on_brows.any() else 1.0 for plane in (self.trust, self.worn)
+        )
+        return seen < _BROWS_SEEN or worn > _BROWS_WORN
 
     def without_brows(self) -> "SeenSkin":
         """Return the skin with nothing seen at the brows."""
@@ -178,10 +183,17 @@ def seen_skin(
     smooth = np.log(np.maximum(ndimage.gaussian_filter(model, (_PORES, _PORES, 0.0)), _BLACK)).reshape(-1, 3)[texels.at]
     on_lips = zones.lips.ravel()[texels.at].astype(np.float64)
     total, share, direct = (np.zeros((SIDE * SIDE, k), dtype=np.float32) for k in (3, 1, 1))
+    worn = np.zeros(SIDE * SIDE, dtype=np.float32)
+    worn[texels.at] = 1.0
     for photo in photos:
         colours, weights, facing = unlit_colours(photo, texels, basis)
         logs = np.log(np.maximum(colours, _BLACK)) - smooth
-        weights = weights * _plausible(logs, weights, texels, on_lips, tolerance) * _no_teeth(logs, weights, on_lips)
+        plausible, usual = _plausible(logs, weights, texels, on_lips, tolerance)
+        # Glasses are as dark in a painting as in a photo.
+        bare = texels.front.kept(logs - usual, weights)
+        bare = np.ones(len(weights)) if bare is None else bare
+        worn[texels.at] *= 1.0 - bare
+        weights = weights * bare * plausible * _no_teeth(logs, weights, on_lips)
         weighted = weights[:, None]
         total[texels.at] += weighted * logs
         share[texels.at] += weighted
@@ -201,6 +213,7 @@ def seen_skin(
         total.reshape(SIDE, SIDE, 3),
         trust.reshape(SIDE, SIDE),
         sharp.astype(np.float32).reshape(SIDE, SIDE),
+        worn.reshape(SIDE, SIDE),
         painted,
         brows,
     )
@@ -221,8 +234,8 @@ def _usual(logs: Array, weights: Array) -> Array:
     return result
 
 
-def _plausible(logs: Array, weights: Array, texels: Texels, lips: Array, tolerance: float) -> Array:
-    """Return factors on the weights of texels: less where smooth colours are not of this skin, and at glasses, (n,)."""
+def _plausible(logs: Array, weights: Array, texels: Texels, lips: Array, tolerance: float) -> tuple[Array, Array]:
+    """Return factors on the weights of texels, less where smooth colours are not of this skin, (n,), and usual ones."""
     blurred = np.zeros((SIDE * SIDE, 4), dtype=np.float32)
     blurred[texels.at, :3] = logs * weights[:, None]
     blurred[texels.at, 3] = weights
@@ -236,9 +249,7 @@ def _plausible(logs: Array, weights: Array, texels: Texels, lips: Array, toleran
     chroma = np.abs(chroma - chroma.mean(axis=1, keepdims=True)).max(axis=1) / tolerance
     foreign = np.maximum(foreign, (1.0 - lips) * smooth_step(chroma, _TINTED))
     result: Array = np.maximum(1.0 - np.maximum(foreign, _beside(foreign, weights, texels)), texels.brows)
-    # Glasses are as dark in a painting as in a photo.
-    bare = texels.front.kept(logs - usual, weights)
-    return result if bare is None else result * bare
+    return result, usual
 
 
 def _no_teeth(logs: Array, weights: Array, lips: Array) -> Array:

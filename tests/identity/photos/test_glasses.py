@@ -28,6 +28,14 @@ def _glasses(colour: tuple[int, int, int], width: int) -> Draw:
     return draw
 
 
+def _over_brows(pen: ImageDraw.ImageDraw, project: Callable[[np.ndarray], list[tuple[float, float]]]) -> None:
+    _glasses((35, 25, 25), 9)(pen, project)
+    across = np.linspace(-2.2, 2.2, 20)
+    for side in (-1.0, 1.0):
+        bar = [side * (3.1 + across), 3.6 - 0.08 * across**2, np.full(20, 8.8)]
+        pen.line(project(np.stack(bar, axis=1)), fill=(35, 25, 25), width=26, joint="curve")
+
+
 def _moles(pen: ImageDraw.ImageDraw, project: Callable[[np.ndarray], list[tuple[float, float]]]) -> None:
     for x, y in project(np.array([[3.0, -0.6, 8.8], [-2.5, -0.9, 9.0], [-4.5, -1.5, 8.0], [0.5, 4.5, 9.4]])):
         pen.ellipse([x - 5.0, y - 5.0, x + 5.0, y + 5.0], fill=(70, 45, 40))
@@ -96,3 +104,9 @@ def test_no_glasses_are_printed_into_paintings(
     assert np.median(seen.trust.ravel()[texels.at][frame]) == 0.0
     logs = seen.difference[seen.trust > 0.5].mean(axis=1)
     assert (logs < -0.8).mean() < 0.002
+
+
+def test_brows_under_frames_are_lost(sitting: Sitting, under: bytes, basis: HeadBasis, places: FacePlaces) -> None:
+    zones = Zones.of(load_texture_model(), "short")
+    lost = [seen_skin([sitting.photo(draw)], under, basis, places, zones).brows_lost for draw in (None, _over_brows)]
+    assert lost == [False, True]
