@@ -43,11 +43,11 @@ class Band:
 BANDS: tuple[Band, ...] = (
     Band(2.0, 0.20, 0.09, 0.02, 0.5),
     Band(5.0, 0.10, 0.06, 0.02, 0.5),
-    Band(12.0, 0.08, 0.05, 0.025, 0.6),
-    Band(30.0, 0.07, 0.05, 0.03, 0.8),
+    Band(12.0, 0.08, 0.05, 0.015, 0.6),
+    Band(30.0, 0.06, 0.05, 0.02, 0.8),
 )
 #: What is left: the tone of a part of the face, apart from the usual one of the face.
-TONE = Band(np.inf, 0.12, 0.07, 0.035)
+TONE = Band(np.inf, 0.12, 0.07, 0.02)
 # Factor on the limits at brows and lips, apart from that of what is brighter than skin.
 _WIDER = 4.0
 # Logarithm of darkness from which they have their own chroma.
