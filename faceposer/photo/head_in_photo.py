@@ -6,6 +6,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from faceposer.errors import FacePoserError
@@ -32,6 +35,10 @@ _FACING, _MOST_SAMPLES = 0.35, 20_000
 _DARKEST = 0.2
 # Heights above the lower end of the mesh between which the neck begins to belong to the head, as shares of its height.
 _NECK = (0.05, 0.25)
+# Upward part of normals below which skin joined to the neck is the underside of the jaw.
+_UNDERSIDE = -0.5
+# Limit of the logarithm of the tint of skin.
+_MOST_TINT = 0.6
 # Most cells of the grid per pixel of the photo, along each side.
 _FINEST = 4
 # Least height of a head in pixels.
@@ -98,7 +105,7 @@ class HeadInPhoto:
         # A whole number of cells per pixel, so that their means are exact.
         factor = float(min(int(factor), _FINEST)) if factor >= 2.0 else min(factor, 1.0)
         size = (max(round(factor * (right - left)), 1), max(round(factor * (bottom - top)), 1))
-        return cls(character, posed, pixels, (left, top, right, bottom), _part(camera, (left, top), factor, size), name)
+        return cls(character, posed, pixels, (left, top, right, bottom), part_of_camera(camera, (left, top), factor, size), name)
 
     @cached_property
     def head_height(self) -> float:
@@ -146,6 +153,53 @@ class HeadInPhoto:
         found[np.concatenate([*regions, np.zeros(0, dtype=np.int64)]).astype(np.intp)] = True
         result = triangles_of(self.character, ("skin",))
         result &= found[self.character.triangles].all(axis=1)
+        return result
+
+    @cached_property
+    def middles_of_lids(self) -> Array:
+        """The middles of the lids of each eye, shape (n, 3), none if the character has no such regions."""
+        regions = [self.character.regions[name] for name in _LIDS if name in self.character.regions]
+        return np.array([self.vertices[ids].mean(axis=0) for ids in regions]).reshape(-1, 3)
+
+    @cached_property
+    def depth_in_eyes(self) -> Array:
+        """Distance of each pixel of the grid that shows an eye from the eye's edge, 0 elsewhere, shape (h, w)."""
+        faces = self.surface.faces
+        width, height = self.camera.size
+        shown = (faces >= 0) & self.eyes[faces]
+        result: Array = ndimage.distance_transform_edt(shown.reshape(height, width))
+        return result
+
+    @cached_property
+    def tint(self) -> Array:
+        """Colour of the face in the photo relative to its brightness, shape (3,)."""
+        surface = self.surface
+        face = surface.of_vertices(self.face[:, None])[:, 0] > 0.5
+        colours = self.picture.reshape(-1, 3)[surface.at[face]].astype(np.float64)
+        if not len(colours):
+            return np.ones(3)
+        usual = np.log(np.maximum(np.median(colours, axis=0), 0.02))
+        result: Array = np.exp(np.clip(usual - usual.mean(), -_MOST_TINT, _MOST_TINT))
+        return result
+
+    @cached_property
+    def neck(self) -> Array:
+        """1 for the vertices of the neck and of the underside of the jaw down to it, else 0, shape (N,).
+
+        It is 0 if the character has no such region.
+        """
+        count = len(self.character.vertices)
+        neck = np.zeros(count, dtype=bool)
+        neck[self.character.regions.get("neck", np.zeros(0, dtype=np.intp))] = True
+        if not neck.any():
+            return neck.astype(np.float64)
+        up = self.normals_of(self.vertices) @ self.camera.rotation[:, 1]
+        under = neck | (up < _UNDERSIDE)
+        edges = np.concatenate([self.character.triangles[:, [0, 1]], self.character.triangles[:, [1, 2]]])
+        edges = edges[under[edges].all(axis=1)]
+        links = coo_matrix((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count))
+        groups = connected_components(links, directed=False)[1]
+        result: Array = (under & np.isin(groups, np.unique(groups[neck]))).astype(np.float64)
         return result
 
     @cached_property
@@ -210,7 +264,7 @@ def _resized(camera: Camera, size: tuple[int, int]) -> Camera:
     return replace(camera, focal=camera.focal * factor, size=size, shift=shift)
 
 
-def _part(camera: Camera, corner: tuple[int, int], factor: float, size: tuple[int, int]) -> Camera:
+def part_of_camera(camera: Camera, corner: tuple[int, int], factor: float, size: tuple[int, int]) -> Camera:
     """Return the camera of the part of an image from ``corner``, enlarged by ``factor`` to ``size``."""
     principal = (camera.principal_point - corner) * factor
     shift = (float(principal[0]) - size[0] / 2.0, float(principal[1]) - size[1] / 2.0)

@@ -1,0 +1,167 @@
+"""What a photo does not show of a changed head, drawn with the model's colours: mouths, eyeballs, lids.
+
+Each part is drawn several times as fine as the grid and averaged, so that teeth and edges are smooth.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from faceposer.photo.extending import extended, smooth_step
+from faceposer.photo.following import Following, cells_of, seen_in
+from faceposer.photo.head_in_photo import HeadInPhoto, part_of_camera
+from faceposer.photo.light_in_parts import (
+    depth_in,
+    light_in_mouth,
+    light_on_eyes,
+    tone_of_eyes,
+    tone_of_lids,
+    tone_of_teeth,
+)
+from faceposer.photo.surface_in_picture import SurfaceInPicture
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Box = tuple[int, int, int, int]
+
+# Growth of the area of lids in the picture between which they are no longer stretched from the photo.
+_LIDS = (1.6, 3.0)
+# Shares of the inside of the mouth that the photo shows between which it is taken from there, teeth and all.
+_COVERED = (0.6, 0.7)
+# Opening of the mouth, in heights of the head, up to which closed lips stay closed.
+_OPENING = (0.006, 0.012)
+# Width, in heights of the head, of the edges of eyes in the photo, which lashes and lids darken.
+_RIM = 0.008
+# Margin of drawn parts in pixels, and pixels drawn per pixel, along each side.
+_MARGIN, _FINE = 3, 3
+# Softness of the edges of drawn parts, in heights of the head.
+_SOFT = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnParts:
+    """Drawn parts of a head on the grid of its photo.
+
+    Attributes:
+        share: Their share of each pixel, shape (h, w).
+        colours: Their colours, 0 to 1, also beside them, shape (h, w, 3).
+    """
+
+    share: Array
+    colours: Array
+
+    @classmethod
+    def of(cls, head: HeadInPhoto, vertices: Array, following: Following) -> "DrawnParts":
+        """Return those of ``head`` with other ``vertices``, (N, 3), whose photo is ``following`` it."""
+        width, height = head.camera.size
+        drawing = _Drawing(head, vertices, _growth_of_lids(head, vertices), _share_of_mouth(head, following))
+        shares = drawing.shares(following.surface, following.before, following.seen)
+        drawn = np.zeros(height * width, dtype=bool)
+        drawn[following.surface.at[shares > 0.0]] = True
+        share, colours = np.zeros((height, width)), np.zeros((height, width, 3))
+        for left, top, right, bottom in _boxes(drawn.reshape(height, width)):
+            part = (slice(top, bottom), slice(left, right))
+            share[part], colours[part] = drawing.part((left, top, right, bottom))
+        known = share > 0.0
+        if not known.any():
+            return cls(share, colours)
+        return cls(ndimage.gaussian_filter(share, _SOFT * head.head_height), extended(colours, known))
+
+
+def _boxes(mask: Mask) -> list[Box]:
+    """Return disjoint boxes around the parts of a ``mask``, (h, w): left, top, right and bottom."""
+    grown = ndimage.binary_dilation(mask, iterations=_MARGIN)
+    result: list[Box] = []
+    for rows, columns in ndimage.find_objects(ndimage.label(grown)[0]):
+        one = (columns.start, rows.start, columns.stop, rows.stop)
+        while met := [b for b in result if b[0] < one[2] and one[0] < b[2] and b[1] < one[3] and one[1] < b[3]]:
+            result = [box for box in result if box not in met]
+            all_of = np.array([one, *met])
+            left, top, right, bottom = *all_of[:, :2].min(axis=0), *all_of[:, 2:].max(axis=0)
+            one = (int(left), int(top), int(right), int(bottom))
+        result.append(one)
+    return result
+
+
+def _growth_of_lids(head: HeadInPhoto, vertices: Array) -> Array:
+    """Return by which factor the area around each vertex of the lids grows in the picture, 1 for others, (N, 1)."""
+    lids = head.character.triangles[head.lids]
+    sums = []
+    for each in (head.vertices, vertices):
+        a, b, c = np.moveaxis(head.camera.project(each)[lids], 1, 0)
+        areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        sums.append(np.bincount(lids.reshape(-1), np.repeat(areas, 3), len(vertices)))
+    return np.where(sums[0] > 0.0, sums[1] / np.maximum(sums[0], 1e-9), 1.0)[:, None]
+
+
+def _share_of_mouth(head: HeadInPhoto, following: Following) -> float:
+    """Return how much of the mouth's inside is drawn: all of it or nothing, since teeth of both kinds do not match."""
+    surface = following.surface
+    mouth = head.inside[surface.faces[surface.at]]
+    if not mouth.any():
+        return 0.0
+    opening = 2.0 * float(depth_in(mouth, surface, head.camera.size).max()) / head.head_height
+    return float(1.0 - smooth_step(following.seen[mouth].mean(), _COVERED)) * float(smooth_step(opening, _OPENING))
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawing:
+    """Draws parts of a changed head: its vertices, the growth of its lids, and the share of the mouth that is drawn."""
+
+    head: HeadInPhoto
+    vertices: Array
+    growth: Array
+    mouth: float
+
+    def shares(self, surface: SurfaceInPicture, before: Array, seen: Mask) -> Array:
+        """Return the share of drawn colours at the pixels of ``surface``, (n,)."""
+        head = self.head
+        triangles = surface.faces[surface.at]
+        result = np.where(head.inside[triangles], self.mouth, np.where(head.eyes[triangles] & ~seen, 1.0, 0.0))
+        lids = head.lids[triangles]
+        result[lids] = smooth_step(surface.of_vertices(self.growth)[lids, 0], _LIDS)
+        return result
+
+    def part(self, box: Box) -> tuple[Array, Array]:
+        """Return shares, (h, w), and colours, (h, w, 3), of the pixels of a box of the grid."""
+        head, (left, top, right, bottom) = self.head, box
+        size = (_FINE * (right - left), _FINE * (bottom - top))
+        surface = SurfaceInPicture.of(
+            head.character, self.vertices, part_of_camera(head.camera, (left, top), float(_FINE), size)
+        )
+        height = _FINE * head.head_height
+        before = surface.of_vertices(head.vertices)
+        shares = self.shares(surface, before, seen_in(head, surface, before))
+        triangles = surface.faces[surface.at]
+        inside, eyes = head.inside[triangles], head.eyes[triangles]
+        edge = depth_in(eyes, surface, size) / height
+        shares[eyes] = np.maximum(shares[eyes], self._rims(before[eyes], edge[eyes]))
+        light = surface.of_vertices(head.light_on(self.vertices))
+        light[inside] = light_in_mouth(head, surface, light, surface.of_vertices(self.vertices), size, height)[inside]
+        light[eyes] = light_on_eyes(head, light[eyes], edge[eyes])
+        colours = surface.colours(head.character) * light
+        colours[inside] *= np.exp(tone_of_teeth(head))
+        colours[eyes] *= np.exp(tone_of_eyes(head))
+        skin = ~inside & ~eyes
+        colours[skin] *= np.exp(tone_of_lids(head, before[skin]))
+        share, painted = np.zeros(len(surface.faces)), np.zeros((len(surface.faces), 3))
+        share[surface.at], painted[surface.at] = shares, shares[:, None] * np.clip(colours, 0.0, 1.0)
+        cells = (bottom - top, _FINE, right - left, _FINE)
+        mean, sums = share.reshape(cells).mean(axis=(1, 3)), painted.reshape(*cells, 3).mean(axis=(1, 3))
+        return mean, sums / np.maximum(mean, 1e-9)[..., None]
+
+    def _rims(self, before: Array, edge: Array) -> Array:
+        """Return how much of eyes at points ``before`` is drawn, since lids darken them in the photo, (n,).
+
+        Those at the ``edge`` of the eye, in heights of the head, still are.
+        """
+        head = self.head
+        column, row, _ = cells_of(head, before)
+        then = head.depth_in_eyes[row, column] / head.head_height
+        pixel = 1.0 / head.head_height
+        result: Array = (1.0 - smooth_step(then, (0.5 * _RIM, _RIM))) * smooth_step(
+            edge - then, (pixel, pixel + 0.5 * _RIM)
+        )
+        return result

@@ -1,0 +1,133 @@
+"""How a photo follows its head: from where each pixel gets its colours, and in what other light.
+
+Before and after, the face is known where it faces the camera. Elsewhere, as at the neck right below a jaw, both are
+extended smoothly. So the edge of the jaw in the photo, which is never exactly that of the model, moves with its shadow,
+and no seam shows where a jaw covers more or less of the neck. The shapes of faces in photos are changed alike by
+T. Leyvand and others, "Data-driven enhancement of facial attractiveness", SIGGRAPH 2008.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from faceposer.photo.extending import blurred, extended, smooth_step
+from faceposer.photo.head_in_photo import HeadInPhoto
+from faceposer.photo.surface_in_picture import SurfaceInPicture
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Depth behind the surface, as a share of the head's height, at which a point is hidden.
+_HIDDEN = 0.015
+# Distance around the head over which the photo is warped, in heights of the head.
+_AROUND = 0.5
+# Distance from the face, in heights of the head, up to which the neck follows it, rather than itself.
+_NECK = 0.16
+# Least cosine between skin and view at which a pixel is compared with the photo, and that from which its light is
+# trusted; limits of the change of light, and the blur of it in heights of the head.
+_FACING, _TRUSTED, _CHANGE, _BLUR = 0.2, 0.5, 0.5, 0.012
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """How a photo follows its head, on the grid of the head.
+
+    Attributes:
+        surface: What the photo would show of the changed head.
+        before: The points of ``surface`` on the head in the photo, shape (n, 3).
+        seen: Which of these the photo shows, shape (n,).
+        facing: The lesser cosine between skin and view, before and after, shape (n,).
+        offsets: From each pixel to the place of the photo whose colours it gets, in pixels, shape (h, w, 2).
+        light: Logarithm of the factor on these colours, shape (h, w, 3).
+    """
+
+    surface: SurfaceInPicture
+    before: Array
+    seen: Mask
+    facing: Array
+    offsets: Array
+    light: Array
+
+    @classmethod
+    def of(cls, head: HeadInPhoto, vertices: Array) -> "Following":
+        """Return that of the photo of ``head`` for other ``vertices``, (N, 3)."""
+        surface = SurfaceInPicture.of(head.character, vertices, head.camera)
+        before = surface.of_vertices(head.vertices)
+        seen, facing = seen_in(head, surface, before), _facing(head, vertices, surface)
+        mouth = head.inside[surface.faces[surface.at]]
+        shown = ~mouth & seen & (facing > _FACING)
+        away = ndimage.distance_transform_edt(~_image(head, surface, np.ones_like(shown))) / head.head_height
+        offsets = _offsets(head, surface, before, shown)
+        offsets *= (1.0 - smooth_step(away, (0.0, _AROUND)))[..., None]
+        change = np.log(head.light_on(vertices)) - np.log(head.light_on(head.vertices))
+        change = head.belonging[:, None] * np.clip(change, -_CHANGE, _CHANGE)
+        light = _light(head, surface, change, smooth_step(facing, (_FACING, _TRUSTED)) * (~mouth & seen))
+        return cls(surface, before, seen, facing, offsets, light)
+
+
+def seen_in(head: HeadInPhoto, surface: SurfaceInPicture, before: Array) -> Mask:
+    """Return which points ``before`` of the head in the photo, at the pixels of ``surface``, the photo shows, (n,).
+
+    Eyes and the inside of the mouth are seen only through lids and lips, however thin these are.
+    """
+    column, row, inside = cells_of(head, before)
+    depth = head.camera.to_camera(before)[:, 2]
+    result: Mask = inside & (depth < head.surface.depth[row, column] + _HIDDEN * head.character.height)
+    now, then = surface.faces[surface.at], head.surface.faces[row * head.camera.size[0] + column]
+    for part in (head.inside, head.eyes):
+        result &= ~part[now] | (part[then] & (then >= 0))
+    return result
+
+
+def cells_of(head: HeadInPhoto, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Mask]:
+    """Return columns and rows of the pixels of the grid at ``points``, (n, 3), and whether they are in the photo."""
+    width, height = head.camera.size
+    cells = np.floor(head.camera.project(points)).astype(np.int64)
+    inside = ((cells >= 0) & (cells < (width, height))).all(axis=1)
+    column, row = np.clip(cells, 0, (width - 1, height - 1)).T
+    return column, row, inside
+
+
+def _image(head: HeadInPhoto, surface: SurfaceInPicture, mask: Mask) -> Mask:
+    """Return the picture of a ``mask`` of the pixels of ``surface``, shape (h, w)."""
+    width, height = head.camera.size
+    found = np.zeros(height * width, dtype=bool)
+    found[surface.at[mask]] = True
+    return found.reshape(height, width)
+
+
+def _offsets(head: HeadInPhoto, surface: SurfaceInPicture, before: Array, shown: Mask) -> Array:
+    """Return the offsets of each pixel, known on the face and far from it, in pixels, shape (h, w, 2)."""
+    width, height = head.camera.size
+    pixels = np.stack([surface.at % width, surface.at // width], axis=1) + 0.5
+    own = (head.camera.project(before) - pixels) * surface.of_vertices(head.belonging[:, None])
+    offsets = np.zeros((height * width, 2))
+    offsets[surface.at] = own
+    neck = surface.of_vertices(head.neck[:, None])[:, 0] > 0.5
+    known = _image(head, surface, shown & ~neck)
+    if neck.any() and known.any():
+        far = ndimage.distance_transform_edt(~known) > _NECK * head.head_height
+        known |= far & _image(head, surface, shown & neck)
+    return extended(offsets.reshape(height, width, 2), known)
+
+
+def _light(head: HeadInPhoto, surface: SurfaceInPicture, change: Array, trust: Array) -> Array:
+    """Return the logarithm of the ``change`` of light on the vertices, (N, 3), by ``trust``, (n,), shape (h, w, 3)."""
+    width, height = head.camera.size
+    image, weight = np.zeros((height * width, 3)), np.zeros(height * width)
+    image[surface.at], weight[surface.at] = surface.of_vertices(change), trust
+    blur = _BLUR * head.head_height
+    mean, total = blurred(image.reshape(height, width, 3), weight.reshape(height, width), blur)
+    # At the outline, skin is seen along before and after, under the same light.
+    around = surface.faces.reshape(height, width) < 0
+    mean[around] = 0.0
+    return ndimage.gaussian_filter(extended(mean, (total > 0.01) | around), (0.5 * blur, 0.5 * blur, 0.0))
+
+
+def _facing(head: HeadInPhoto, vertices: Array, surface: SurfaceInPicture) -> Array:
+    """Return the lesser cosine between skin and view, before and after, at the pixels of ``surface``, (n,)."""
+    towards = np.stack([-head.normals_of(each)[:, 2] for each in (head.vertices, vertices)], axis=1)
+    result: Array = surface.of_vertices(towards).min(axis=1)
+    return result
