@@ -102,8 +102,10 @@ def _share_of_mouth(head: HeadInPhoto, following: Following) -> float:
     mouth = head.inside[surface.faces[surface.at]]
     if not mouth.any():
         return 0.0
-    opening = 2.0 * float(depth_in(mouth, surface, head.camera.size).max()) / head.head_height
-    return float(1.0 - smooth_step(following.seen[mouth].mean(), _COVERED)) * float(smooth_step(opening, _OPENING))
+    widest = depth_in(mouth, surface, head.camera.size).max(), head.depth_in_mouth.max()
+    # Lips that were closed stay closed, and none are drawn apart that are only a little so.
+    opened = smooth_step(2.0 * max(widest) / head.head_height, _OPENING)
+    return float(1.0 - smooth_step(following.seen[mouth].mean(), _COVERED)) * float(opened)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,17 @@ Mask = NDArray[np.bool_]
 _HIDDEN = 0.015
 # Distance around the head over which the photo is warped, in heights of the head.
 _AROUND = 0.5
-# Distance from the face, in heights of the head, up to which the neck follows it, rather than itself.
-_NECK = 0.16
+# What is behind the face follows it, rather than itself, up to so many times the offset of the edge of the face, between
+# limits in heights of the head. Also in heights of the head: the distance from what is behind the face up to which only
+# skin that is well seen counts, the width of the edge of the face, and the smoothing behind the face.
+_MOVED, _BEHIND, _BESIDE, _EDGE, _SOFT = 1.3, (0.09, 0.2), 0.015, 0.03, 0.025
+# Least cosine between skin and view of skin that is well seen.
+_WELL = 0.35
 # Least cosine between skin and view at which a pixel is compared with the photo, and that from which its light is
 # trusted; limits of the change of light, and the blur of it in heights of the head.
 _FACING, _TRUSTED, _CHANGE, _BLUR = 0.2, 0.5, 0.5, 0.012
+# How much of the change of its hue is kept.
+_HUE = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +65,11 @@ class Following:
         mouth = head.inside[surface.faces[surface.at]]
         shown = ~mouth & seen & (facing > _FACING)
         away = ndimage.distance_transform_edt(~_image(head, surface, np.ones_like(shown))) / head.head_height
-        offsets = _offsets(head, surface, before, shown)
+        offsets = _offsets(head, surface, before, shown, facing)
         offsets *= (1.0 - smooth_step(away, (0.0, _AROUND)))[..., None]
         change = np.log(head.light_on(vertices)) - np.log(head.light_on(head.vertices))
+        grey = change.mean(axis=1, keepdims=True)
+        change = grey + _HUE * (change - grey)
         change = head.belonging[:, None] * np.clip(change, -_CHANGE, _CHANGE)
         light = _light(head, surface, change, smooth_step(facing, (_FACING, _TRUSTED)) * (~mouth & seen))
         return cls(surface, before, seen, facing, offsets, light)
@@ -98,19 +106,27 @@ def _image(head: HeadInPhoto, surface: SurfaceInPicture, mask: Mask) -> Mask:
     return found.reshape(height, width)
 
 
-def _offsets(head: HeadInPhoto, surface: SurfaceInPicture, before: Array, shown: Mask) -> Array:
+def _offsets(head: HeadInPhoto, surface: SurfaceInPicture, before: Array, shown: Mask, facing: Array) -> Array:
     """Return the offsets of each pixel, known on the face and far from it, in pixels, shape (h, w, 2)."""
     width, height = head.camera.size
     pixels = np.stack([surface.at % width, surface.at // width], axis=1) + 0.5
     own = (head.camera.project(before) - pixels) * surface.of_vertices(head.belonging[:, None])
     offsets = np.zeros((height * width, 2))
     offsets[surface.at] = own
-    neck = surface.of_vertices(head.neck[:, None])[:, 0] > 0.5
-    known = _image(head, surface, shown & ~neck)
-    if neck.any() and known.any():
-        far = ndimage.distance_transform_edt(~known) > _NECK * head.head_height
-        known |= far & _image(head, surface, shown & neck)
-    return extended(offsets.reshape(height, width, 2), known)
+    behind = surface.of_vertices(head.behind[:, None])[:, 0] > 0.5
+    front, others = _image(head, surface, shown & ~behind), _image(head, surface, shown & behind)
+    if not front.any() or not others.any():
+        return extended(offsets.reshape(height, width, 2), front | others)
+    # Towards the others, only skin that is well seen tells how the outline moves.
+    away_from_others = ndimage.distance_transform_edt(~_image(head, surface, behind)) / head.head_height
+    front &= (away_from_others > _BESIDE) | _image(head, surface, facing > _WELL)
+    away = ndimage.distance_transform_edt(~front) / head.head_height
+    moved = np.linalg.norm(offsets.reshape(height, width, 2)[front & (away_from_others < _EDGE)], axis=1)
+    band = np.clip(_MOVED * np.quantile(moved, 0.9) / head.head_height, *_BEHIND) if moved.size else _BEHIND[0]
+    result = extended(offsets.reshape(height, width, 2), front | (others & (away > band)))
+    soft = _SOFT * head.head_height
+    smooth = ndimage.gaussian_filter(result, (soft, soft, 0.0))
+    return result + smooth_step(away, (0.0, _SOFT))[..., None] * (smooth - result)
 
 
 def _light(head: HeadInPhoto, surface: SurfaceInPicture, change: Array, trust: Array) -> Array:

@@ -35,8 +35,15 @@ _FACING, _MOST_SAMPLES = 0.35, 20_000
 _DARKEST = 0.2
 # Heights above the lower end of the mesh between which the neck begins to belong to the head, as shares of its height.
 _NECK = (0.05, 0.25)
-# Upward part of normals below which skin joined to the neck is the underside of the jaw.
-_UNDERSIDE = -0.5
+# Upward part of normals of the neutral head below which skin joined to the neck is the underside of the jaw.
+_UNDERSIDE = -0.45
+# How far the angle of the jaw is before the ears, as a share of the head's height.
+_ANGLE = 0.05
+# Rings of triangles around the neck that belong to it.
+_RINGS = 3
+_EARS = ("ear_left", "ear_right")
+# Regions of the face above the jaw.
+_ABOVE = tuple(name for name in _BARE if name != "jaw")
 # Limit of the logarithm of the tint of skin.
 _MOST_TINT = 0.6
 # Most cells of the grid per pixel of the photo, along each side.
@@ -164,9 +171,16 @@ class HeadInPhoto:
     @cached_property
     def depth_in_eyes(self) -> Array:
         """Distance of each pixel of the grid that shows an eye from the eye's edge, 0 elsewhere, shape (h, w)."""
-        faces = self.surface.faces
-        width, height = self.camera.size
-        shown = (faces >= 0) & self.eyes[faces]
+        return self._depth_in(self.eyes)
+
+    @cached_property
+    def depth_in_mouth(self) -> Array:
+        """Distance of each pixel that shows the inside of the mouth from its edge, 0 elsewhere, shape (h, w)."""
+        return self._depth_in(self.inside)
+
+    def _depth_in(self, triangles: NDArray[np.bool_]) -> Array:
+        faces, (width, height) = self.surface.faces, self.camera.size
+        shown = (faces >= 0) & triangles[faces]
         result: Array = ndimage.distance_transform_edt(shown.reshape(height, width))
         return result
 
@@ -183,23 +197,32 @@ class HeadInPhoto:
         return result
 
     @cached_property
-    def neck(self) -> Array:
-        """1 for the vertices of the neck and of the underside of the jaw down to it, else 0, shape (N,).
+    def behind(self) -> Array:
+        """1 for skin behind the face in the photo: neck and underside of the jaw, ears and scalp, else 0, shape (N,).
 
-        It is 0 if the character has no such region.
+        It is 0 if the character has no such regions.
         """
-        count = len(self.character.vertices)
-        neck = np.zeros(count, dtype=bool)
-        neck[self.character.regions.get("neck", np.zeros(0, dtype=np.intp))] = True
-        if not neck.any():
-            return neck.astype(np.float64)
-        up = self.normals_of(self.vertices) @ self.camera.rotation[:, 1]
-        under = neck | (up < _UNDERSIDE)
+        count, regions = len(self.character.vertices), self.character.regions
+
+        def among(names: tuple[str, ...]) -> NDArray[np.bool_]:
+            result = np.zeros(count, dtype=bool)
+            for name in names:
+                result[regions.get(name, np.zeros(0, dtype=np.intp))] = True
+            return result
+
+        neck, ears, others, face = among(("neck",)), among(_EARS), among((*_EARS, "scalp")), among(_ABOVE)
+        places = self.character.vertices.astype(np.float32)
+        up = VertexNormals(self.character.triangles, count)(places)[:, 1]
+        # The jaw ends below the ears; the sides of the neck are farther back.
+        back = places[:, 2] < places[ears, 2].max(initial=-np.inf) + _ANGLE * self.character.height
+        for _ in range(_RINGS):
+            neck[self.character.triangles[neck[self.character.triangles].any(axis=1)]] = True
+        under = neck | ((up < _UNDERSIDE) | back) & ~face
         edges = np.concatenate([self.character.triangles[:, [0, 1]], self.character.triangles[:, [1, 2]]])
         edges = edges[under[edges].all(axis=1)]
         links = coo_matrix((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count))
         groups = connected_components(links, directed=False)[1]
-        result: Array = (under & np.isin(groups, np.unique(groups[neck]))).astype(np.float64)
+        result: Array = ((under & np.isin(groups, np.unique(groups[neck]))) | others).astype(np.float64)
         return result
 
     @cached_property
