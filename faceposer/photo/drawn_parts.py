@@ -1,9 +1,10 @@
-"""What a photo does not show of a changed head, drawn with the model's colours: mouths, eyeballs, lids.
+"""What a photo does not show of a changed head, drawn with the model's colours: mouths, eyeballs, lids, the inner sides of lips.
 
 Each part is drawn several times as fine as the grid and averaged, so that teeth and edges are smooth.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,13 @@ _LIDS = (1.6, 3.0)
 _COVERED = (0.6, 0.7)
 # Opening of the mouth, in heights of the head, up to which closed lips stay closed.
 _OPENING = (0.006, 0.012)
+# Cosines between lips and view in the photo between which it shows them, and growth of it from which they are drawn.
+_INNER, _TURNED = (0.1, 0.4), (0.1, 0.35)
 # Width, in heights of the head, of the edges of eyes in the photo, which lashes and lids darken.
 _RIM = 0.008
+# Width of the edges of lips that the inside of the mouth or the line between the lips shines through, in heights of the
+# head and in pixels of the photo, the larger counts.
+_EDGE, _BLURRED = 0.008, 1.2
 # Margin of drawn parts in pixels, and pixels drawn per pixel, along each side.
 _MARGIN, _FINE = 3, 3
 # Softness of the edges of drawn parts, in heights of the head.
@@ -56,8 +62,15 @@ class DrawnParts:
     def of(cls, head: HeadInPhoto, vertices: Array, following: Following) -> "DrawnParts":
         """Return those of ``head`` with other ``vertices``, (N, 3), whose photo is ``following`` it."""
         width, height = head.camera.size
-        drawing = _Drawing(head, vertices, _growth_of_lids(head, vertices), _share_of_mouth(head, following))
-        shares = drawing.shares(following.surface, following.before, following.seen)
+        drawing = _Drawing(
+            head,
+            vertices,
+            _growth_of_lids(head, vertices),
+            _share_of_mouth(head, following),
+            np.stack([-head.normals_of(each)[:, 2] for each in (head.vertices, vertices)], axis=1),
+            following.light,
+        )
+        shares = drawing.shares(following.surface, following.seen)
         drawn = np.zeros(height * width, dtype=bool)
         drawn[following.surface.at[shares > 0.0]] = True
         share, colours = np.zeros((height, width)), np.zeros((height, width, 3))
@@ -110,20 +123,36 @@ def _share_of_mouth(head: HeadInPhoto, following: Following) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Drawing:
-    """Draws parts of a changed head: its vertices, the growth of its lids, and the share of the mouth that is drawn."""
+    """Draws parts of a changed head.
+
+    Attributes:
+        head: The head in the photo.
+        vertices: The changed ones, shape (N, 3).
+        growth: That of the lids, shape (N, 1).
+        mouth: Share of the inside of the mouth that is drawn.
+        facing: Cosines between skin and view, before and after, shape (N, 2).
+        light: Logarithm of the change of light on the grid, shape (h, w, 3).
+    """
 
     head: HeadInPhoto
     vertices: Array
     growth: Array
     mouth: float
+    facing: Array
+    light: Array
 
-    def shares(self, surface: SurfaceInPicture, before: Array, seen: Mask) -> Array:
+    def shares(self, surface: SurfaceInPicture, seen: Mask) -> Array:
         """Return the share of drawn colours at the pixels of ``surface``, (n,)."""
         head = self.head
         triangles = surface.faces[surface.at]
         result = np.where(head.inside[triangles], self.mouth, np.where(head.eyes[triangles] & ~seen, 1.0, 0.0))
         lids = head.lids[triangles]
         result[lids] = smooth_step(surface.of_vertices(self.growth)[lids, 0], _LIDS)
+        # The inner side of the lips comes to light.
+        lips = head.lips[triangles]
+        before, after = surface.of_vertices(self.facing)[lips].T
+        turned = (1.0 - smooth_step(before, _INNER)) * smooth_step(after - before, _TURNED)
+        result[lips] = np.where(seen[lips], turned, smooth_step(after - before, (0.0, _TURNED[1])))
         return result
 
     def part(self, box: Box) -> tuple[Array, Array]:
@@ -135,10 +164,12 @@ class _Drawing:
         )
         height = _FINE * head.head_height
         before = surface.of_vertices(head.vertices)
-        shares = self.shares(surface, before, seen_in(head, surface, before))
+        shares = self.shares(surface, seen_in(head, surface, before))
         triangles = surface.faces[surface.at]
         inside, eyes = head.inside[triangles], head.eyes[triangles]
         edge = depth_in(eyes, surface, size) / height
+        lips = head.lips[triangles]
+        shares[lips] = np.maximum(shares[lips], self._edges_of_lips(before[lips]))
         shares[eyes] = np.maximum(shares[eyes], self._rims(before[eyes], edge[eyes]))
         light = surface.of_vertices(head.light_on(self.vertices))
         light[inside] = light_in_mouth(head, surface, light, surface.of_vertices(self.vertices), size, height)[inside]
@@ -146,13 +177,48 @@ class _Drawing:
         colours = surface.colours(head.character) * light
         colours[inside] *= np.exp(tone_of_teeth(head))
         colours[eyes] *= np.exp(tone_of_eyes(head))
-        skin = ~inside & ~eyes
-        colours[skin] *= np.exp(tone_of_lids(head, before[skin]))
+        lids = head.lids[triangles]
+        colours[lids] *= np.exp(tone_of_lids(head, before[lids]))
+        colours[lips] = self._colours_of_lips(before[lips], surface.at[lips], box)
         share, painted = np.zeros(len(surface.faces)), np.zeros((len(surface.faces), 3))
         share[surface.at], painted[surface.at] = shares, shares[:, None] * np.clip(colours, 0.0, 1.0)
         cells = (bottom - top, _FINE, right - left, _FINE)
         mean, sums = share.reshape(cells).mean(axis=(1, 3)), painted.reshape(*cells, 3).mean(axis=(1, 3))
         return mean, sums / np.maximum(mean, 1e-9)[..., None]
+
+    @cached_property
+    def _width(self) -> float:
+        """Width of the edges of the lips in the photo, in pixels of the grid."""
+        return max(_EDGE * self.head.head_height, _BLURRED * self.head.pixel)
+
+    def _edges_of_lips(self, before: Array) -> Array:
+        """Return how much of lips at points ``before`` is drawn, since teeth or the lip line shine through them, (n,)."""
+        column, row, _ = cells_of(self.head, before)
+        away = self.head.away_from_mouth[row, column] / self._width
+        result: Array = self.mouth * (1.0 - smooth_step(away, (0.5, 1.0)))
+        return result
+
+    def _colours_of_lips(self, before: Array, at: NDArray[np.int64], box: Box) -> Array:
+        """Return colours of lips at points ``before``, which pixels ``at`` of a ``box`` show, (n, 3).
+
+        They are those of the nearest lips in the photo that neither teeth nor the line of the lips shine through.
+        """
+        head, (left, top, right, _) = self.head, box
+        column, row, _ = cells_of(head, before)
+        rows, columns = self._clear_lips
+        soft = head.pixel
+        picture = ndimage.gaussian_filter(head.picture, (soft, soft, 0.0))
+        width = _FINE * (right - left)
+        light = self.light[top + at // width // _FINE, left + at % width // _FINE]
+        result: Array = picture[rows[row, column], columns[row, column]] * np.exp(light)
+        return result
+
+    @cached_property
+    def _clear_lips(self) -> NDArray[np.int64]:
+        """Row and column of the nearest pixel of the grid off the mouth's inside in the photo, shape (2, h, w)."""
+        near = self.head.away_from_mouth < self._width
+        result: NDArray[np.int64] = ndimage.distance_transform_edt(near, return_distances=False, return_indices=True)
+        return result
 
     def _rims(self, before: Array, edge: Array) -> Array:
         """Return how much of eyes at points ``before`` is drawn, since lids darken them in the photo, (n,).

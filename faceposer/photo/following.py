@@ -31,7 +31,7 @@ _MOVED, _BEHIND, _BESIDE, _EDGE, _SOFT = 1.3, (0.09, 0.2), 0.015, 0.03, 0.025
 _WELL = 0.35
 # Least cosine between skin and view at which a pixel is compared with the photo, and that from which its light is
 # trusted; limits of the change of light, and the blur of it in heights of the head.
-_FACING, _TRUSTED, _CHANGE, _BLUR = 0.2, 0.5, 0.5, 0.012
+_FACING, _TRUSTED, _CHANGE, _BLUR = 0.2, 0.5, 0.35, 0.016
 # How much of the change of its hue is kept.
 _HUE = 0.4
 
@@ -65,27 +65,27 @@ class Following:
         mouth = head.inside[surface.faces[surface.at]]
         shown = ~mouth & seen & (facing > _FACING)
         away = ndimage.distance_transform_edt(~_image(head, surface, np.ones_like(shown))) / head.head_height
-        offsets = _offsets(head, surface, before, shown, facing)
+        offsets, known = _offsets(head, surface, before, shown, facing)
         offsets *= (1.0 - smooth_step(away, (0.0, _AROUND)))[..., None]
         change = np.log(head.light_on(vertices)) - np.log(head.light_on(head.vertices))
         grey = change.mean(axis=1, keepdims=True)
         change = grey + _HUE * (change - grey)
         change = head.belonging[:, None] * np.clip(change, -_CHANGE, _CHANGE)
-        light = _light(head, surface, change, smooth_step(facing, (_FACING, _TRUSTED)) * (~mouth & seen))
+        light = _light(head, surface, change, smooth_step(facing, (_FACING, _TRUSTED)) * known.reshape(-1)[surface.at])
         return cls(surface, before, seen, facing, offsets, light)
 
 
 def seen_in(head: HeadInPhoto, surface: SurfaceInPicture, before: Array) -> Mask:
     """Return which points ``before`` of the head in the photo, at the pixels of ``surface``, the photo shows, (n,).
 
-    Eyes and the inside of the mouth are seen only through lids and lips, however thin these are.
+    Eyes and the inside of the mouth are seen only through lids and lips, however thin these are, and these only beside them.
     """
     column, row, inside = cells_of(head, before)
     depth = head.camera.to_camera(before)[:, 2]
     result: Mask = inside & (depth < head.surface.depth[row, column] + _HIDDEN * head.character.height)
     now, then = surface.faces[surface.at], head.surface.faces[row * head.camera.size[0] + column]
     for part in (head.inside, head.eyes):
-        result &= ~part[now] | (part[then] & (then >= 0))
+        result &= part[now] == (part[then] & (then >= 0))
     return result
 
 
@@ -106,8 +106,10 @@ def _image(head: HeadInPhoto, surface: SurfaceInPicture, mask: Mask) -> Mask:
     return found.reshape(height, width)
 
 
-def _offsets(head: HeadInPhoto, surface: SurfaceInPicture, before: Array, shown: Mask, facing: Array) -> Array:
-    """Return the offsets of each pixel, known on the face and far from it, in pixels, shape (h, w, 2)."""
+def _offsets(
+    head: HeadInPhoto, surface: SurfaceInPicture, before: Array, shown: Mask, facing: Array
+) -> tuple[Array, Mask]:
+    """Return the offsets of each pixel, in pixels, (h, w, 2), and where they are known, on the face and far from it."""
     width, height = head.camera.size
     pixels = np.stack([surface.at % width, surface.at // width], axis=1) + 0.5
     own = (head.camera.project(before) - pixels) * surface.of_vertices(head.belonging[:, None])
@@ -116,17 +118,18 @@ def _offsets(head: HeadInPhoto, surface: SurfaceInPicture, before: Array, shown:
     behind = surface.of_vertices(head.behind[:, None])[:, 0] > 0.5
     front, others = _image(head, surface, shown & ~behind), _image(head, surface, shown & behind)
     if not front.any() or not others.any():
-        return extended(offsets.reshape(height, width, 2), front | others)
+        return extended(offsets.reshape(height, width, 2), front | others), front | others
     # Towards the others, only skin that is well seen tells how the outline moves.
     away_from_others = ndimage.distance_transform_edt(~_image(head, surface, behind)) / head.head_height
     front &= (away_from_others > _BESIDE) | _image(head, surface, facing > _WELL)
     away = ndimage.distance_transform_edt(~front) / head.head_height
     moved = np.linalg.norm(offsets.reshape(height, width, 2)[front & (away_from_others < _EDGE)], axis=1)
     band = np.clip(_MOVED * np.quantile(moved, 0.9) / head.head_height, *_BEHIND) if moved.size else _BEHIND[0]
-    result = extended(offsets.reshape(height, width, 2), front | (others & (away > band)))
+    known = front | (others & (away > band))
+    result = extended(offsets.reshape(height, width, 2), known)
     soft = _SOFT * head.head_height
     smooth = ndimage.gaussian_filter(result, (soft, soft, 0.0))
-    return result + smooth_step(away, (0.0, _SOFT))[..., None] * (smooth - result)
+    return result + smooth_step(away, (0.0, _SOFT))[..., None] * (smooth - result), known
 
 
 def _light(head: HeadInPhoto, surface: SurfaceInPicture, change: Array, trust: Array) -> Array:

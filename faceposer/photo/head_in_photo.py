@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 SIDE = 800
 # Margin around the head, as a share of its height in the photo.
 _MARGIN = 0.5
-_LIDS = ("lids_left", "lids_right")
+_LIDS, _LIPS = ("lids_left", "lids_right"), ("lip_upper", "lip_lower", "mouth")
 # Regions whose skin shows the light, without hair; other characters' whole skin is used.
 _BARE = ("nose", "cheek_left", "cheek_right", "mouth", "jaw", "forehead", "brow_left", "brow_right", *_LIDS)
 # Width of the edge of the face, as a share of the height of the head.
@@ -115,6 +115,11 @@ class HeadInPhoto:
         return cls(character, posed, pixels, (left, top, right, bottom), part_of_camera(camera, (left, top), factor, size), name)
 
     @cached_property
+    def pixel(self) -> float:
+        """Width of a pixel of the photo on the grid, in pixels of the grid."""
+        return self.camera.size[0] / (self.box[2] - self.box[0])
+
+    @cached_property
     def head_height(self) -> float:
         """Height of the head on the grid, in pixels."""
         return float(np.ptp(self.camera.project(self.vertices)[:, 1]))
@@ -155,12 +160,7 @@ class HeadInPhoto:
     @cached_property
     def lids(self) -> NDArray[np.bool_]:
         """The triangles of the lids, shape (T,); none if the character has no such regions."""
-        regions = [self.character.regions[name] for name in _LIDS if name in self.character.regions]
-        found = np.zeros(len(self.character.vertices), dtype=bool)
-        found[np.concatenate([*regions, np.zeros(0, dtype=np.int64)]).astype(np.intp)] = True
-        result = triangles_of(self.character, ("skin",))
-        result &= found[self.character.triangles].all(axis=1)
-        return result
+        return self._of_regions(_LIDS)
 
     @cached_property
     def middles_of_lids(self) -> Array:
@@ -177,6 +177,20 @@ class HeadInPhoto:
     def depth_in_mouth(self) -> Array:
         """Distance of each pixel that shows the inside of the mouth from its edge, 0 elsewhere, shape (h, w)."""
         return self._depth_in(self.inside)
+
+    @cached_property
+    def away_from_mouth(self) -> Array:
+        """Distance of each pixel of the grid from the inside of the mouth, or from where closed lips meet, (h, w)."""
+        faces, (width, height) = self.surface.faces, self.camera.size
+        inside = ((faces >= 0) & self.inside[faces]).reshape(height, width)
+        upper, lower = (
+            ((faces >= 0) & self._of_regions((name,))[faces]).reshape(height, width) for name in _LIPS[:2]
+        )
+        inside |= upper & ndimage.binary_dilation(lower)
+        result: Array = (
+            ndimage.distance_transform_edt(~inside) if inside.any() else np.full((height, width), float(height))
+        )
+        return result
 
     def _depth_in(self, triangles: NDArray[np.bool_]) -> Array:
         faces, (width, height) = self.surface.faces, self.camera.size
@@ -223,6 +237,20 @@ class HeadInPhoto:
         links = coo_matrix((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count))
         groups = connected_components(links, directed=False)[1]
         result: Array = ((under & np.isin(groups, np.unique(groups[neck]))) | others).astype(np.float64)
+        return result
+
+    @cached_property
+    def lips(self) -> NDArray[np.bool_]:
+        """The triangles of the lips, shape (T,); none if the character has no such regions."""
+        return self._of_regions(_LIPS) & ~self.inside
+
+    def _of_regions(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+        """Return the mask of the triangles of the skin in regions with ``names``, shape (T,)."""
+        regions = [self.character.regions[name] for name in names if name in self.character.regions]
+        found = np.zeros(len(self.character.vertices), dtype=bool)
+        found[np.concatenate([*regions, np.zeros(0, dtype=np.int64)]).astype(np.intp)] = True
+        result = triangles_of(self.character, ("skin",))
+        result &= found[self.character.triangles].all(axis=1)
         return result
 
     @cached_property

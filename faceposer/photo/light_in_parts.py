@@ -22,11 +22,11 @@ _DEEP = 0.01
 # widths of gaps between teeth that are no darker than these, and the shadow of the lips with its width.
 _DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.05, 0.014, 0.4, 0.018
 # Height of openings, in heights of the head, between which light gets in, and its share in narrow ones.
-_OPENING, _NARROW = (0.008, 0.03), 0.3
+_OPENING, _NARROW = (0.004, 0.018), 0.3
 # Shadow of the lids on the eyes, and its width in heights of the head.
 _LID_SHADOW, _LID_WIDTH = 0.45, 0.015
 # How much of the skin's tint parts beside it have.
-_TINT = 0.4
+_TINT = 0.35
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
 _TONE, _HUE = 0.7, 0.3
 _BLACK = 0.02
