@@ -17,6 +17,7 @@ from faceposer.photo.light_in_parts import (
     depth_in,
     light_in_mouth,
     light_on_eyes,
+    no_brighter,
     tone_of_eyes,
     tone_of_lids,
     tone_of_teeth,
@@ -172,12 +173,15 @@ class _Drawing:
         shares[lips] = np.maximum(shares[lips], self._edges_of_lips(before[lips]))
         shares[eyes] = np.maximum(shares[eyes], self._rims(before[eyes], edge[eyes]))
         light = surface.of_vertices(head.light_on(self.vertices))
+        lids = head.lids[triangles]
+        if lids.any():
+            # Folds have normals of all directions.
+            light[lids] = 0.5 * (light[lids] + light[lids].mean(axis=0))
         light[inside] = light_in_mouth(head, surface, light, surface.of_vertices(self.vertices), size, height)[inside]
-        light[eyes] = light_on_eyes(head, light[eyes], edge[eyes])
+        light[eyes] = light_on_eyes(head, surface, light, size, height)[eyes]
         colours = surface.colours(head.character) * light
         colours[inside] *= np.exp(tone_of_teeth(head))
-        colours[eyes] *= np.exp(tone_of_eyes(head))
-        lids = head.lids[triangles]
+        colours[eyes] = no_brighter(head, colours[eyes] * np.exp(tone_of_eyes(head)))
         colours[lids] *= np.exp(tone_of_lids(head, before[lids]))
         colours[lips] = self._colours_of_lips(before[lips], surface.at[lips], box)
         share, painted = np.zeros(len(surface.faces)), np.zeros((len(surface.faces), 3))

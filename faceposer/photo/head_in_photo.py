@@ -199,14 +199,23 @@ class HeadInPhoto:
         return result
 
     @cached_property
-    def tint(self) -> Array:
-        """Colour of the face in the photo relative to its brightness, shape (3,)."""
+    def _usual_colour(self) -> Array:
+        """The middle colour of the face in the photo, 0 to 1, shape (3,); that of all of the head if nothing tells."""
         surface = self.surface
         face = surface.of_vertices(self.face[:, None])[:, 0] > 0.5
-        colours = self.picture.reshape(-1, 3)[surface.at[face]].astype(np.float64)
-        if not len(colours):
-            return np.ones(3)
-        usual = np.log(np.maximum(np.median(colours, axis=0), 0.02))
+        colours = self.picture.reshape(-1, 3)[surface.at[face] if face.any() else surface.at].astype(np.float64)
+        result: Array = np.median(colours, axis=0) if len(colours) else np.ones(3)
+        return result
+
+    @cached_property
+    def brightness(self) -> float:
+        """Brightness of the face in the photo, 0 to 1."""
+        return max(float(self._usual_colour.mean()), 0.02)
+
+    @cached_property
+    def tint(self) -> Array:
+        """Colour of the face in the photo relative to its brightness, shape (3,)."""
+        usual = np.log(np.maximum(self._usual_colour, 0.02))
         result: Array = np.exp(np.clip(usual - usual.mean(), -_MOST_TINT, _MOST_TINT))
         return result
 

@@ -25,6 +25,8 @@ _DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.05, 0.014, 0.4, 0
 _OPENING, _NARROW = (0.004, 0.018), 0.3
 # Shadow of the lids on the eyes, and its width in heights of the head.
 _LID_SHADOW, _LID_WIDTH = 0.45, 0.015
+# Largest brightness of eyes relative to skin.
+_WHITE = 1.0
 # How much of the skin's tint parts beside it have.
 _TINT = 0.35
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
@@ -66,22 +68,38 @@ def light_in_mouth(
     # Teeth light up the gaps between them.
     image = ndimage.grey_opening(behind.reshape(size[1], size[0]), 2 * (max(round(_GAP * height), 1),))
     edge = depth_in(inside, surface, size) / height
+    shadow = 1.0 - _SHADOW * (1.0 - smooth_step(edge, (0.0, _SHADOW_WIDTH)))
+    share = (_into(surface, edge, size, height) * shadow * (1.0 + (_DARK - 1.0) * image.reshape(-1)[surface.at])) ** (1.0 / 2.2)
+    result: Array = (share * light.mean(axis=1))[:, None] * head.tint**_TINT
+    return result
+
+
+def _into(surface: SurfaceInPicture, edge: Array, size: tuple[int, int], height: float) -> Array:
+    """Return how much light gets through an opening at distances from its ``edge``, in heights of the head, (n,)."""
     widest = np.zeros(len(surface.faces))
     widest[surface.at] = 2.0 * edge
     reach = max(round(1.5 * _OPENING[1] * height), 1)
     opening = ndimage.maximum_filter(widest.reshape(size[1], size[0]), 2 * reach + 1)
     opening = ndimage.gaussian_filter(opening, 0.5 * reach).reshape(-1)[surface.at]
-    narrow = _NARROW + (1.0 - _NARROW) * smooth_step(opening, _OPENING)
-    shadow = 1.0 - _SHADOW * (1.0 - smooth_step(edge, (0.0, _SHADOW_WIDTH)))
-    share = (narrow * shadow * (1.0 + (_DARK - 1.0) * image.reshape(-1)[surface.at])) ** (1.0 / 2.2)
+    result: Array = _NARROW + (1.0 - _NARROW) * smooth_step(opening, _OPENING)
+    return result
+
+
+def light_on_eyes(
+    head: HeadInPhoto, surface: SurfaceInPicture, light: Array, size: tuple[int, int], height: float
+) -> Array:
+    """Return how much of the ``light``, (n, 3), reaches eyes; the arguments are those of `light_in_mouth`."""
+    edge = depth_in(head.eyes[surface.faces[surface.at]], surface, size) / height
+    shadow = 1.0 - _LID_SHADOW * (1.0 - smooth_step(edge, (0.0, _LID_WIDTH)))
+    share = (_into(surface, edge, size, height) * shadow) ** (1.0 / 2.2)
     result: Array = (share * light.mean(axis=1))[:, None] * head.tint**_TINT
     return result
 
 
-def light_on_eyes(head: HeadInPhoto, light: Array, edge: Array) -> Array:
-    """Return how much of the ``light``, (n, 3), reaches eyes at distances from their ``edge``, in heights of the head."""
-    shadow = 1.0 - _LID_SHADOW * (1.0 - smooth_step(edge, (0.0, _LID_WIDTH)))
-    result: Array = (shadow ** (1.0 / 2.2) * light.mean(axis=1))[:, None] * head.tint**_TINT
+def no_brighter(head: HeadInPhoto, colours: Array) -> Array:
+    """Return ``colours`` of eyes, (n, 3), the brightest of which become no brighter than the skin in the photo."""
+    usual = _WHITE * head.brightness
+    result: Array = colours * ((1.0 + (colours.mean(axis=1, keepdims=True) / usual) ** 4) ** -0.25)
     return result
 
 
@@ -101,8 +119,9 @@ def tone_of_eyes(head: HeadInPhoto) -> Array:
     """Return the logarithm of the colour of the photo's eyes relative to those drawn, shape (3,); 0 if it has none."""
     surface = head.surface
     eyes = head.eyes[surface.faces[surface.at]]
-    edge = depth_in(eyes, surface, head.camera.size) / head.head_height
-    light = light_on_eyes(head, surface.of_vertices(head.light_on(head.vertices)), edge)
+    size, height = head.camera.size, head.head_height
+    edge = depth_in(eyes, surface, size) / height
+    light = light_on_eyes(head, surface, surface.of_vertices(head.light_on(head.vertices)), size, height)
     tone = _tones(head, eyes & (edge > _DEEP), light)
     if tone is None:
         return np.zeros(3)
