@@ -35,6 +35,8 @@ _COVERED = (0.6, 0.7)
 # Opening of the mouth, in heights of the head, up to which closed lips stay closed.
 _OPENING = (0.006, 0.012)
 # Cosines between lips and view in the photo between which it shows them, and growth of it from which they are drawn.
+# Also the distances from the mouth in the photo between which it is no longer theirs, in heights of the head.
+_LIPS = (0.02, 0.04)
 _INNER, _TURNED = (0.1, 0.4), (0.1, 0.35)
 # Width, in heights of the head, of the edges of eyes in the photo, which lashes and lids darken.
 _RIM = 0.008
@@ -71,7 +73,7 @@ class DrawnParts:
             np.stack([-head.normals_of(each)[:, 2] for each in (head.vertices, vertices)], axis=1),
             following.light,
         )
-        shares = drawing.shares(following.surface, following.seen)
+        shares = drawing.shares(following.surface, following.before, following.seen)
         drawn = np.zeros(height * width, dtype=bool)
         drawn[following.surface.at[shares > 0.0]] = True
         share, colours = np.zeros((height, width)), np.zeros((height, width, 3))
@@ -142,8 +144,8 @@ class _Drawing:
     facing: Array
     light: Array
 
-    def shares(self, surface: SurfaceInPicture, seen: Mask) -> Array:
-        """Return the share of drawn colours at the pixels of ``surface``, (n,)."""
+    def shares(self, surface: SurfaceInPicture, points: Array, seen: Mask) -> Array:
+        """Return the share of drawn colours at the pixels of ``surface``, (n,), ``points`` of the head in the photo."""
         head = self.head
         triangles = surface.faces[surface.at]
         result = np.where(head.inside[triangles], self.mouth, np.where(head.eyes[triangles] & ~seen, 1.0, 0.0))
@@ -153,7 +155,10 @@ class _Drawing:
         lips = head.lips[triangles]
         before, after = surface.of_vertices(self.facing)[lips].T
         turned = (1.0 - smooth_step(before, _INNER)) * smooth_step(after - before, _TURNED)
-        result[lips] = np.where(seen[lips], turned, smooth_step(after - before, (0.0, _TURNED[1])))
+        shares = np.where(seen[lips], turned, smooth_step(after - before, (0.0, _TURNED[1])))
+        column, row, _ = cells_of(head, points[lips])
+        away = head.away_from_mouth[row, column] / head.head_height
+        result[lips] = shares * (1.0 - smooth_step(away, _LIPS))
         return result
 
     def part(self, box: Box) -> tuple[Array, Array]:
@@ -165,7 +170,7 @@ class _Drawing:
         )
         height = _FINE * head.head_height
         before = surface.of_vertices(head.vertices)
-        shares = self.shares(surface, seen_in(head, surface, before))
+        shares = self.shares(surface, before, seen_in(head, surface, before))
         triangles = surface.faces[surface.at]
         inside, eyes = head.inside[triangles], head.eyes[triangles]
         edge = depth_in(eyes, surface, size) / height

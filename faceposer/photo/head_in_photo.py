@@ -221,7 +221,7 @@ class HeadInPhoto:
 
     @cached_property
     def behind(self) -> Array:
-        """1 for skin behind the face in the photo: neck and underside of the jaw, ears and scalp, else 0, shape (N,).
+        """1 for skin behind the face in the photo: neck and underside of the jaw, else 0, shape (N,).
 
         It is 0 if the character has no such regions.
         """
@@ -233,19 +233,20 @@ class HeadInPhoto:
                 result[regions.get(name, np.zeros(0, dtype=np.intp))] = True
             return result
 
-        neck, ears, others, face = among(("neck",)), among(_EARS), among((*_EARS, "scalp")), among(_ABOVE)
+        neck, ears, face = among(("neck",)), among(_EARS), among(_ABOVE)
         places = self.character.vertices.astype(np.float32)
         up = VertexNormals(self.character.triangles, count)(places)[:, 1]
         # The jaw ends below the ears; the sides of the neck are farther back.
         back = places[:, 2] < places[ears, 2].max(initial=-np.inf) + _ANGLE * self.character.height
+        back &= places[:, 1] < (places[ears, 1].mean() if ears.any() else -np.inf)
         for _ in range(_RINGS):
             neck[self.character.triangles[neck[self.character.triangles].any(axis=1)]] = True
-        under = neck | ((up < _UNDERSIDE) | back) & ~face
+        under = neck | ((up < _UNDERSIDE) | back) & ~(face | ears)
         edges = np.concatenate([self.character.triangles[:, [0, 1]], self.character.triangles[:, [1, 2]]])
         edges = edges[under[edges].all(axis=1)]
         links = coo_matrix((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count))
         groups = connected_components(links, directed=False)[1]
-        result: Array = ((under & np.isin(groups, np.unique(groups[neck]))) | others).astype(np.float64)
+        result: Array = (under & np.isin(groups, np.unique(groups[neck]))).astype(np.float64)
         return result
 
     @cached_property
