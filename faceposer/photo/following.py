@@ -21,8 +21,11 @@ Mask = NDArray[np.bool_]
 
 # Depth behind the surface, as a share of the head's height, at which a point is hidden.
 _HIDDEN = 0.015
-# Distance around the head over which the photo is warped, in heights of the head.
-_AROUND = 0.5
+# Distances around the head over which the photo is warped, beside it and below it, and the heights above the end of the
+# neck between which the one becomes the other, all in heights of the head.
+_AROUND, _CLOTHES = (0.5, 0.12), (-0.4, 0.0)
+# Side of the squares whose averages are extended, in heights of the head.
+_CELL = 0.008
 # What is behind the face follows it, rather than itself, up to so many times the offset of the edge of the face, between
 # limits in heights of the head. Also in heights of the head: the distance from what is behind the face up to which only
 # skin that is well seen counts, the width of the edge of the face, and the smoothing behind the face.
@@ -64,9 +67,8 @@ class Following:
         seen, facing = seen_in(head, surface, before), _facing(head, vertices, surface)
         mouth = head.inside[surface.faces[surface.at]]
         shown = ~mouth & seen & (facing > _FACING)
-        away = ndimage.distance_transform_edt(~_image(head, surface, np.ones_like(shown))) / head.head_height
         offsets, known = _offsets(head, surface, before, shown, facing)
-        offsets *= (1.0 - smooth_step(away, (0.0, _AROUND)))[..., None]
+        offsets *= _near(head, surface)[..., None]
         change = np.log(head.light_on(vertices)) - np.log(head.light_on(head.vertices))
         grey = change.mean(axis=1, keepdims=True)
         change = grey + _HUE * (change - grey)
@@ -106,6 +108,20 @@ def _image(head: HeadInPhoto, surface: SurfaceInPicture, mask: Mask) -> Mask:
     return found.reshape(height, width)
 
 
+def _near(head: HeadInPhoto, surface: SurfaceInPicture) -> Array:
+    """Return how much each pixel follows the nearest ones of the ``surface``, shape (h, w)."""
+    width, height = head.camera.size
+    away = ndimage.distance_transform_edt(surface.faces.reshape(height, width) < 0) / head.head_height
+    # Clothes follow less than hair and hats.
+    ends = head.camera.project(head.ends_of_axis)
+    down = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-9)
+    rows, columns = np.mgrid[:height, :width] + 0.5
+    below = ((columns - ends[1, 0]) * down[0] + (rows - ends[1, 1]) * down[1]) / head.head_height
+    radius = _AROUND[0] + (_AROUND[1] - _AROUND[0]) * smooth_step(below, _CLOTHES)
+    result: Array = 1.0 - smooth_step(away / radius, (0.0, 1.0))
+    return result
+
+
 def _offsets(
     head: HeadInPhoto, surface: SurfaceInPicture, before: Array, shown: Mask, facing: Array
 ) -> tuple[Array, Mask]:
@@ -117,8 +133,9 @@ def _offsets(
     offsets[surface.at] = own
     behind = surface.of_vertices(head.behind[:, None])[:, 0] > 0.5
     front, others = _image(head, surface, shown & ~behind), _image(head, surface, shown & behind)
+    cell = _CELL * head.head_height
     if not front.any() or not others.any():
-        return extended(offsets.reshape(height, width, 2), front | others), front | others
+        return extended(offsets.reshape(height, width, 2), front | others, cell), front | others
     # Towards the others, only skin that is well seen tells how the outline moves.
     away_from_others = ndimage.distance_transform_edt(~_image(head, surface, behind)) / head.head_height
     front &= (away_from_others > _BESIDE) | _image(head, surface, facing > _WELL)
@@ -126,7 +143,7 @@ def _offsets(
     moved = np.linalg.norm(offsets.reshape(height, width, 2)[front & (away_from_others < _EDGE)], axis=1)
     band = np.clip(_MOVED * np.quantile(moved, 0.9) / head.head_height, *_BEHIND) if moved.size else _BEHIND[0]
     known = front | (others & (away > band))
-    result = extended(offsets.reshape(height, width, 2), known)
+    result = extended(offsets.reshape(height, width, 2), known, cell)
     soft = _SOFT * head.head_height
     smooth = ndimage.gaussian_filter(result, (soft, soft, 0.0))
     return result + smooth_step(away, (0.0, _SOFT))[..., None] * (smooth - result), known
@@ -142,7 +159,7 @@ def _light(head: HeadInPhoto, surface: SurfaceInPicture, change: Array, trust: A
     # At the outline, skin is seen along before and after, under the same light.
     around = surface.faces.reshape(height, width) < 0
     mean[around] = 0.0
-    return ndimage.gaussian_filter(extended(mean, (total > 0.01) | around), (0.5 * blur, 0.5 * blur, 0.0))
+    return ndimage.gaussian_filter(extended(mean, (total > 0.01) | around, _CELL * head.head_height), (0.5 * blur, 0.5 * blur, 0.0))
 
 
 def _facing(head: HeadInPhoto, vertices: Array, surface: SurfaceInPicture) -> Array:

@@ -39,6 +39,8 @@ _NECK = (0.05, 0.25)
 _UNDERSIDE = -0.45
 # How far the angle of the jaw is before the ears, as a share of the head's height.
 _ANGLE = 0.05
+# Height of the ends of the head, as a share of its own.
+_END = 0.02
 # Rings of triangles around the neck that belong to it.
 _RINGS = 3
 _EARS = ("ear_left", "ear_right")
@@ -218,6 +220,18 @@ class HeadInPhoto:
         usual = np.log(np.maximum(self._usual_colour, 0.02))
         result: Array = np.exp(np.clip(usual - usual.mean(), -_MOST_TINT, _MOST_TINT))
         return result
+
+    @cached_property
+    def ends_of_axis(self) -> Array:
+        """The middles of its top and its lower end in the photo, shape (2, 3)."""
+        height = self.character.vertices[:, 1]
+        low, high = float(height.min()), float(height.max())
+        return np.stack(
+            [
+                self.vertices[np.abs(height - level) <= _END * (high - low)].mean(axis=0)
+                for level in (high, low)
+            ]
+        )
 
     @cached_property
     def behind(self) -> Array:

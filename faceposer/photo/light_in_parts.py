@@ -5,6 +5,10 @@ are tinted a little like the skin around them, which shines on them, and brought
 photo shows them. Lids are brought to the tone of the skin around the eye.
 """
 
+from collections.abc import Callable
+from functools import wraps
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -103,6 +107,20 @@ def no_brighter(head: HeadInPhoto, colours: Array) -> Array:
     return result
 
 
+def _once_per_head(work: Callable[[HeadInPhoto], Array]) -> Callable[[HeadInPhoto], Array]:
+    """Return ``work`` whose results are kept as long as their heads."""
+    known: WeakKeyDictionary[HeadInPhoto, Array] = WeakKeyDictionary()
+
+    @wraps(work)
+    def found(head: HeadInPhoto) -> Array:
+        if head not in known:
+            known[head] = work(head)
+        return known[head]
+
+    return found
+
+
+@_once_per_head
 def tone_of_teeth(head: HeadInPhoto) -> Array:
     """Return the logarithm of the colour of the photo's teeth relative to those drawn, shape (3,); 0 if it has none."""
     surface, size = head.surface, head.camera.size
@@ -115,6 +133,7 @@ def tone_of_teeth(head: HeadInPhoto) -> Array:
     return np.zeros(3) if tone is None else np.median(tone, axis=0)
 
 
+@_once_per_head
 def tone_of_eyes(head: HeadInPhoto) -> Array:
     """Return the logarithm of the colour of the photo's eyes relative to those drawn, shape (3,); 0 if it has none."""
     surface = head.surface
@@ -137,23 +156,30 @@ def tone_of_lids(head: HeadInPhoto, points: Array) -> Array:
         head: The head in the photo.
         points: Points of lids on it, shape (n, 3), each of which gets that of the nearer eye.
     """
-    result = np.zeros((len(points), 3))
     middles = head.middles_of_lids
-    if not len(middles) or not len(points):
-        return result
-    surface = head.surface
+    if not len(middles):
+        return np.zeros((len(points), 3))
+    nearest = np.linalg.norm(points[:, None] - middles, axis=2).argmin(axis=1)
+    result: Array = _tones_around_eyes(head)[nearest]
+    return result
+
+
+@_once_per_head
+def _tones_around_eyes(head: HeadInPhoto) -> Array:
+    """Return the logarithm of the colour of the photo's skin around each eye relative to that drawn, (n, 3)."""
+    surface, middles = head.surface, head.middles_of_lids
     triangles = surface.faces[surface.at]
     skin = triangles_of(head.character, ("skin",))[triangles] & ~head.inside[triangles] & ~head.lids[triangles]
     skin &= surface.of_vertices(-head.normals_of(head.vertices)[:, 2:])[:, 0] > _FACING
     places = surface.of_vertices(head.vertices)
     light = surface.of_vertices(head.light_on(head.vertices))
-    nearest = np.linalg.norm(points[:, None] - middles, axis=2).argmin(axis=1)
+    result = np.zeros((len(middles), 3))
     for number, middle in enumerate(middles):
         near = np.linalg.norm(places - middle, axis=1) < _AROUND_LID * head.character.height
         tone = _tones(head, skin & near, light)
         if tone is not None:
             # The middle one, in spite of glasses and brows.
-            result[nearest == number] = np.median(tone, axis=0)
+            result[number] = np.median(tone, axis=0)
     return result
 
 
