@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from faceposer.photo.extending import extended, smooth_step
+from faceposer.photo.extending import blurred, extended, smooth_step
 from faceposer.photo.following import Following, cells_of, seen_in
 from faceposer.photo.head_in_photo import HeadInPhoto, part_of_camera
 from faceposer.photo.light_in_parts import (
@@ -43,10 +43,17 @@ _RIM = 0.008
 # Width of the edges of lips that the inside of the mouth or the line between the lips shines through, in heights of the
 # head and in pixels of the photo, the larger counts.
 _EDGE, _BLURRED = 0.008, 1.2
+# Width over which colours of lips are smoothed, in heights of the head, and the least weight of their means; how far from
+# the mouth they are taken, relative to the edges of the lips.
+_SMOOTH, _LEAST, _REACH = 0.006, 0.05, 3.0
 # Margin of drawn parts in pixels, and pixels drawn per pixel, along each side.
 _MARGIN, _FINE = 3, 3
 # Softness of the edges of drawn parts, in heights of the head.
 _SOFT = 0.002
+# Blur of the photo, in its pixels, that drawn colours have, too.
+_BLUR = 0.3
+# Side of the squares whose averages are extended beside drawn parts, in heights of the head.
+_CELL = 0.004
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +90,9 @@ class DrawnParts:
         known = share > 0.0
         if not known.any():
             return cls(share, colours)
-        return cls(ndimage.gaussian_filter(share, _SOFT * head.head_height), extended(colours, known))
+        smooth, _ = blurred(colours, share, _BLUR * head.pixel)
+        share = ndimage.gaussian_filter(share, _SOFT * head.head_height)
+        return cls(share, extended(smooth, known, _CELL * head.head_height))
 
 
 def _boxes(mask: Mask) -> list[Box]:
@@ -158,7 +167,7 @@ class _Drawing:
         shares = np.where(seen[lips], turned, smooth_step(after - before, (0.0, _TURNED[1])))
         column, row, _ = cells_of(head, points[lips])
         away = head.away_from_mouth[row, column] / head.head_height
-        result[lips] = shares * (1.0 - smooth_step(away, _LIPS))
+        result[lips] = self.mouth * shares * (1.0 - smooth_step(away, _LIPS))
         return result
 
     def part(self, box: Box) -> tuple[Array, Array]:
@@ -214,20 +223,22 @@ class _Drawing:
         """
         head, (left, top, right, _) = self.head, box
         column, row, _ = cells_of(head, before)
-        rows, columns = self._clear_lips
-        soft = head.pixel
-        picture = ndimage.gaussian_filter(head.picture, (soft, soft, 0.0))
         width = _FINE * (right - left)
         light = self.light[top + at // width // _FINE, left + at % width // _FINE]
-        result: Array = picture[rows[row, column], columns[row, column]] * np.exp(light)
+        result: Array = self._clear_lips[row, column] * np.exp(light)
         return result
 
     @cached_property
-    def _clear_lips(self) -> NDArray[np.int64]:
-        """Row and column of the nearest pixel of the grid off the mouth's inside in the photo, shape (2, h, w)."""
-        near = self.head.away_from_mouth < self._width
-        result: NDArray[np.int64] = ndimage.distance_transform_edt(near, return_distances=False, return_indices=True)
-        return result
+    def _clear_lips(self) -> Array:
+        """The photo's colours of the nearest lips off the mouth's inside, shape (h, w, 3)."""
+        head = self.head
+        width, height = head.camera.size
+        clear = (head.away_from_mouth >= self._width) & (head.away_from_mouth < _REACH * self._width)
+        lips = np.zeros(len(head.surface.faces), dtype=bool)
+        lips[head.surface.at] = head.red_of_lips[head.surface.faces[head.surface.at]]
+        weight = (clear & lips.reshape(height, width)).astype(np.float64)
+        smooth, total = blurred(head.picture.astype(np.float64), weight, _SMOOTH * head.head_height)
+        return extended(smooth, total > _LEAST)
 
     def _rims(self, before: Array, edge: Array) -> Array:
         """Return how much of eyes at points ``before`` is drawn, since lids darken them in the photo, (n,).

@@ -39,6 +39,9 @@ _NECK = (0.05, 0.25)
 _UNDERSIDE = -0.45
 # How far the angle of the jaw is before the ears, as a share of the head's height.
 _ANGLE = 0.05
+# Distance from the inside of the mouth, in heights of the head, up to which what is darker than such a share of the lips'
+# brightness belongs to it.
+_CORNERS, _SHADED = 0.025, 0.5
 # Height of the ends of the head, as a share of its own.
 _END = 0.02
 # Rings of triangles around the neck that belong to it.
@@ -182,16 +185,26 @@ class HeadInPhoto:
 
     @cached_property
     def away_from_mouth(self) -> Array:
-        """Distance of each pixel of the grid from the inside of the mouth, or from where closed lips meet, (h, w)."""
+        """Distance of each pixel of the grid from the inside of the mouth, or from where closed lips meet, (h, w).
+
+        What is dark beside it, such as the corners of the mouth, belongs to it, since lips of the model and of the photo
+        are never exactly the same.
+        """
         faces, (width, height) = self.surface.faces, self.camera.size
         inside = ((faces >= 0) & self.inside[faces]).reshape(height, width)
         upper, lower = (
             ((faces >= 0) & self._of_regions((name,))[faces]).reshape(height, width) for name in _LIPS[:2]
         )
         inside |= upper & ndimage.binary_dilation(lower)
-        result: Array = (
-            ndimage.distance_transform_edt(~inside) if inside.any() else np.full((height, width), float(height))
-        )
+        if not inside.any():
+            return np.full((height, width), float(height))
+        brightness = self.picture.mean(axis=2)
+        lips = upper | lower
+        if lips.any():
+            near = ndimage.distance_transform_edt(~inside) < _CORNERS * self.head_height
+            dark = near & (brightness < _SHADED * np.median(brightness[lips]))
+            inside = ndimage.binary_propagation(inside, mask=inside | dark)
+        result: Array = ndimage.distance_transform_edt(~inside)
         return result
 
     def _depth_in(self, triangles: NDArray[np.bool_]) -> Array:
@@ -267,6 +280,11 @@ class HeadInPhoto:
     def lips(self) -> NDArray[np.bool_]:
         """The triangles of the lips, shape (T,); none if the character has no such regions."""
         return self._of_regions(_LIPS) & ~self.inside
+
+    @cached_property
+    def red_of_lips(self) -> NDArray[np.bool_]:
+        """The triangles of the red of the lips, shape (T,); none if the character has no such regions."""
+        return self._of_regions(_LIPS[:2]) & ~self.inside
 
     def _of_regions(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
         """Return the mask of the triangles of the skin in regions with ``names``, shape (T,)."""

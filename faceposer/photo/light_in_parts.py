@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 _DEEP = 0.01
 # Light inside the mouth: depths behind the front teeth, in heights of the head, between which it falls to a share, the
 # widths of gaps between teeth that are no darker than these, and the shadow of the lips with its width.
-_DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.08, 0.014, 0.4, 0.018
+_DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.08, 0.006, 0.4, 0.018
 # Height of openings, in heights of the head, between which light gets in, and its share in narrow ones.
 _OPENING, _NARROW = (0.004, 0.018), 0.3
 # Shadow of the lids on the eyes, and its width in heights of the head.
