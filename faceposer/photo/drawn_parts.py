@@ -1,4 +1,6 @@
-"""What a photo does not show of a changed head, drawn with the model's colours: mouths, eyeballs, lids, the inner sides of lips.
+"""What a photo does not show of a changed head: mouths, eyeballs, lids, the inner sides of lips.
+
+Lips get colours of lips in the photo, and the others those of the model, in the light and the tone of the photo.
 
 Each part is drawn several times as fine as the grid and averaged, so that teeth and edges are smooth.
 """
@@ -43,8 +45,8 @@ _RIM = 0.008
 # Width of the edges of lips that the inside of the mouth or the line between the lips shines through, in heights of the
 # head and in pixels of the photo, the larger counts.
 _EDGE, _BLURRED = 0.008, 1.2
-# Width over which colours of lips are smoothed, in heights of the head, and the least weight of their means; how far from
-# the mouth they are taken, relative to the edges of the lips.
+# Width over which colours of lips are smoothed, in heights of the head, and the least weight of their means; how far
+# from the mouth they are taken, relative to the edges of the lips.
 _SMOOTH, _LEAST, _REACH = 0.006, 0.05, 3.0
 # Margin of drawn parts in pixels, and pixels drawn per pixel, along each side.
 _MARGIN, _FINE = 3, 3
@@ -103,9 +105,8 @@ def _boxes(mask: Mask) -> list[Box]:
         one = (columns.start, rows.start, columns.stop, rows.stop)
         while met := [b for b in result if b[0] < one[2] and one[0] < b[2] and b[1] < one[3] and one[1] < b[3]]:
             result = [box for box in result if box not in met]
-            all_of = np.array([one, *met])
-            left, top, right, bottom = *all_of[:, :2].min(axis=0), *all_of[:, 2:].max(axis=0)
-            one = (int(left), int(top), int(right), int(bottom))
+            left, top, right, bottom = zip(one, *met, strict=True)
+            one = (min(left), min(top), max(right), max(bottom))
         result.append(one)
     return result
 
@@ -210,7 +211,7 @@ class _Drawing:
         return max(_EDGE * self.head.head_height, _BLURRED * self.head.pixel)
 
     def _edges_of_lips(self, before: Array) -> Array:
-        """Return how much of lips at points ``before`` is drawn, since teeth or the lip line shine through them, (n,)."""
+        """Return how much of lips at points ``before`` is drawn, where teeth or the lip line shine through, (n,)."""
         column, row, _ = cells_of(self.head, before)
         away = self.head.away_from_mouth[row, column] / self._width
         result: Array = self.mouth * (1.0 - smooth_step(away, (0.5, 1.0)))

@@ -71,7 +71,9 @@ def _enlarged(image: Array, size: tuple[int, ...]) -> Array:
     if image.shape[:2] == size:
         return image
     for axis in range(2):
-        places = np.clip((np.arange(size[axis]) + 0.5) * image.shape[axis] / size[axis] - 0.5, 0.0, image.shape[axis] - 1)
+        places = np.clip(
+            (np.arange(size[axis]) + 0.5) * image.shape[axis] / size[axis] - 0.5, 0.0, image.shape[axis] - 1
+        )
         first = np.floor(places).astype(np.int64)
         share = np.expand_dims(places - first, tuple(k for k in range(3) if k != axis))
         second = np.minimum(first + 1, image.shape[axis] - 1)

@@ -26,9 +26,9 @@ _HIDDEN = 0.015
 _AROUND, _CLOTHES = (0.5, 0.12), (-0.4, 0.0)
 # Side of the squares whose averages are extended, in heights of the head.
 _CELL = 0.008
-# What is behind the face follows it, rather than itself, up to so many times the offset of the edge of the face, between
-# limits in heights of the head. Also in heights of the head: the distance from what is behind the face up to which only
-# skin that is well seen counts, the width of the edge of the face, and the smoothing behind the face.
+# What is behind the face follows it, rather than itself, up to so many times the offset of the edge of the face,
+# between limits in heights of the head. Also in heights of the head: the distance from what is behind the face up to
+# which only skin that is well seen counts, the width of the edge of the face, and the smoothing behind the face.
 _MOVED, _BEHIND, _BESIDE, _EDGE, _SOFT = 1.3, (0.09, 0.2), 0.015, 0.03, 0.025
 # Least cosine between skin and view of skin that is well seen.
 _WELL = 0.35
@@ -80,7 +80,8 @@ class Following:
 def seen_in(head: HeadInPhoto, surface: SurfaceInPicture, before: Array) -> Mask:
     """Return which points ``before`` of the head in the photo, at the pixels of ``surface``, the photo shows, (n,).
 
-    Eyes and the inside of the mouth are seen only through lids and lips, however thin these are, and these only beside them.
+    Eyes and the inside of the mouth are seen only between lids and lips, however thin these are, and skin only beside
+    them.
     """
     column, row, inside = cells_of(head, before)
     depth = head.camera.to_camera(before)[:, 2]
@@ -97,7 +98,7 @@ def cells_of(head: HeadInPhoto, points: Array) -> tuple[NDArray[np.int64], NDArr
     cells = np.floor(head.camera.project(points)).astype(np.int64)
     inside = ((cells >= 0) & (cells < (width, height))).all(axis=1)
     column, row = np.clip(cells, 0, (width - 1, height - 1)).T
-    return column, row, inside
+    return column, row, np.asarray(inside, dtype=bool)
 
 
 def _image(head: HeadInPhoto, surface: SurfaceInPicture, mask: Mask) -> Mask:
@@ -159,7 +160,9 @@ def _light(head: HeadInPhoto, surface: SurfaceInPicture, change: Array, trust: A
     # At the outline, skin is seen along before and after, under the same light.
     around = surface.faces.reshape(height, width) < 0
     mean[around] = 0.0
-    return ndimage.gaussian_filter(extended(mean, (total > 0.01) | around, _CELL * head.head_height), (0.5 * blur, 0.5 * blur, 0.0))
+    return ndimage.gaussian_filter(
+        extended(mean, (total > 0.01) | around, _CELL * head.head_height), (0.5 * blur, 0.5 * blur, 0.0)
+    )
 
 
 def _facing(head: HeadInPhoto, vertices: Array, surface: SurfaceInPicture) -> Array:

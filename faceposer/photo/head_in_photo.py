@@ -39,8 +39,8 @@ _NECK = (0.05, 0.25)
 _UNDERSIDE = -0.45
 # How far the angle of the jaw is before the ears, as a share of the head's height.
 _ANGLE = 0.05
-# Distance from the inside of the mouth, in heights of the head, up to which what is darker than such a share of the lips'
-# brightness belongs to it.
+# Distance from the inside of the mouth, in heights of the head, up to which what is darker than such a share of the
+# lips' brightness belongs to it.
 _CORNERS, _SHADED = 0.025, 0.5
 # Height of the ends of the head, as a share of its own.
 _END = 0.02
@@ -117,7 +117,14 @@ class HeadInPhoto:
         # A whole number of cells per pixel, so that their means are exact.
         factor = float(min(int(factor), _FINEST)) if factor >= 2.0 else min(factor, 1.0)
         size = (max(round(factor * (right - left)), 1), max(round(factor * (bottom - top)), 1))
-        return cls(character, posed, pixels, (left, top, right, bottom), part_of_camera(camera, (left, top), factor, size), name)
+        return cls(
+            character,
+            posed,
+            pixels,
+            (left, top, right, bottom),
+            part_of_camera(camera, (left, top), factor, size),
+            name,
+        )
 
     @cached_property
     def pixel(self) -> float:
@@ -187,14 +194,12 @@ class HeadInPhoto:
     def away_from_mouth(self) -> Array:
         """Distance of each pixel of the grid from the inside of the mouth, or from where closed lips meet, (h, w).
 
-        What is dark beside it, such as the corners of the mouth, belongs to it, since lips of the model and of the photo
-        are never exactly the same.
+        What is dark beside it, such as the corners of the mouth, belongs to it, since lips of the model and of the
+        photo are never exactly the same.
         """
         faces, (width, height) = self.surface.faces, self.camera.size
         inside = ((faces >= 0) & self.inside[faces]).reshape(height, width)
-        upper, lower = (
-            ((faces >= 0) & self._of_regions((name,))[faces]).reshape(height, width) for name in _LIPS[:2]
-        )
+        upper, lower = (((faces >= 0) & self._of_regions((name,))[faces]).reshape(height, width) for name in _LIPS[:2])
         inside |= upper & ndimage.binary_dilation(lower)
         if not inside.any():
             return np.full((height, width), float(height))
@@ -240,10 +245,7 @@ class HeadInPhoto:
         height = self.character.vertices[:, 1]
         low, high = float(height.min()), float(height.max())
         return np.stack(
-            [
-                self.vertices[np.abs(height - level) <= _END * (high - low)].mean(axis=0)
-                for level in (high, low)
-            ]
+            [self.vertices[np.abs(height - level) <= _END * (high - low)].mean(axis=0) for level in (high, low)]
         )
 
     @cached_property

@@ -73,7 +73,9 @@ def light_in_mouth(
     image = ndimage.grey_opening(behind.reshape(size[1], size[0]), 2 * (max(round(_GAP * height), 1),))
     edge = depth_in(inside, surface, size) / height
     shadow = 1.0 - _SHADOW * (1.0 - smooth_step(edge, (0.0, _SHADOW_WIDTH)))
-    share = (_into(surface, edge, size, height) * shadow * (1.0 + (_DARK - 1.0) * image.reshape(-1)[surface.at])) ** (1.0 / 2.2)
+    share = (_into(surface, edge, size, height) * shadow * (1.0 + (_DARK - 1.0) * image.reshape(-1)[surface.at])) ** (
+        1.0 / 2.2
+    )
     result: Array = (share * light.mean(axis=1))[:, None] * head.tint**_TINT
     return result
 
