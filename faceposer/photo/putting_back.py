@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from faceposer.photo.drawn_parts import DrawnParts
 from faceposer.photo.extending import smooth_step
 from faceposer.photo.following import Following
+from faceposer.photo.glasses_in_photo import Glasses
 from faceposer.photo.head_in_photo import HeadInPhoto
 from faceposer.photo.strips import PhotoChange, with_change
 from faceposer.progress import Progress
@@ -58,7 +59,13 @@ def photo_change(head: HeadInPhoto, vertices: Array, skin: Image32 | None = None
         seen = smooth_step(following.facing, (0.0, _FACING))[:, None]
         light.reshape(-1, 3)[following.surface.at] += seen * _change_of_skin(head, following, skin)
     parts = DrawnParts.of(head, vertices, following)
-    return PhotoChange(following.offsets, light, parts.share, parts.colours)
+    offsets, share = following.offsets, parts.share
+    glasses = Glasses.before(head, vertices)
+    if glasses is not None:
+        offsets = offsets + glasses.near[..., None] * (glasses.offsets - offsets)
+        light = (1.0 - glasses.frame)[..., None] * light
+        share = (1.0 - glasses.frame) * share
+    return PhotoChange(offsets, light, share, parts.colours)
 
 
 def _change_of_skin(head: HeadInPhoto, following: Following, skin: Image32) -> Array:

@@ -10,6 +10,7 @@ from scipy import ndimage
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
+from faceposer.photo.glasses_in_photo import glasses_in
 from faceposer.photo.head_in_photo import HeadInPhoto
 from faceposer.photo.photo import Photo
 from faceposer.photo.putting_back import photo_change, put_back
@@ -268,3 +269,25 @@ def test_clothes_stay_when_a_jaw_opens(model: FaceModel) -> None:
     assert lowest < head.camera.size[1] - 40
     assert np.abs(offsets).max() > 5.0
     assert not offsets[lowest + round(0.13 * head.head_height) :].any()
+
+
+def test_glasses_do_not_move_with_the_brows(model: FaceModel) -> None:
+    neutral = np.asarray(model.surface(model.neutral()), dtype=np.float64)
+    picture, _ = drawn(model, neutral)
+    plain = HeadInPhoto.of(model.character, neutral, CAMERA, picture.copy(), 300, "face.jpg")
+    assert not glasses_in(plain).any()
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]] + 0.5
+    frames = np.zeros(rows.shape, dtype=bool)
+    for middle in CAMERA.project(plain.middles_of_lids):
+        distance = np.hypot((columns - middle[0]) / 1.2, rows - middle[1] - 2.0)
+        frames |= np.abs(distance - 16.0) < 1.5
+    picture[frames] = (25, 20, 20)
+    head = HeadInPhoto.of(model.character, neutral, CAMERA, picture, 300, "face.jpg")
+    assert (glasses_in(head) & frames).sum() > 0.6 * frames.sum()
+    raised = blocks(model, {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0})
+    made = put_back(head, raised)
+    assert made[frames].mean() < 40.0
+    forehead = CAMERA.project(neutral[model.character.regions["forehead"]]).mean(axis=0).astype(int)
+    assert (
+        made[forehead[1] - 8 : forehead[1] + 9, forehead[0]] != picture[forehead[1] - 8 : forehead[1] + 9, forehead[0]]
+    ).any()
