@@ -24,15 +24,15 @@ Mask = NDArray[np.bool_]
 _DEEP = 0.01
 # Light inside the mouth: depths behind the front teeth, in heights of the head, between which it falls to a share, the
 # widths of gaps between teeth that are no darker than these, and the shadow of the lips with its width.
-_DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.08, 0.006, 0.4, 0.018
+_DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.1, 0.006, 0.4, 0.018
 # Height of openings, in heights of the head, between which light gets in, and its share in narrow ones.
 _OPENING, _NARROW = (0.004, 0.018), 0.3
 # Shadow of the lids on the eyes, and its width in heights of the head.
 _LID_SHADOW, _LID_WIDTH = 0.45, 0.015
 # Largest brightness of eyes relative to skin.
 _WHITE = 1.0
-# How much of the skin's tint parts beside it have.
-_TINT = 0.35
+# How much of the tint of the skin the mouth and the eyes have.
+_TINT, _EYE_TINT = 0.35, 0.5
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
 _TONE, _HUE = 0.7, 0.3
 _BLACK = 0.02
@@ -98,7 +98,7 @@ def light_on_eyes(
     edge = depth_in(head.eyes[surface.faces[surface.at]], surface, size) / height
     shadow = 1.0 - _LID_SHADOW * (1.0 - smooth_step(edge, (0.0, _LID_WIDTH)))
     share = (_into(surface, edge, size, height) * shadow) ** (1.0 / 2.2)
-    result: Array = (share * light.mean(axis=1))[:, None] * head.tint**_TINT
+    result: Array = (share * light.mean(axis=1))[:, None] * head.tint**_EYE_TINT
     return result
 
 
