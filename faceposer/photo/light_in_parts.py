@@ -31,8 +31,8 @@ _OPENING, _NARROW = (0.004, 0.018), 0.3
 _LID_SHADOW, _LID_WIDTH = 0.45, 0.015
 # Largest brightness of eyes relative to skin.
 _WHITE = 1.0
-# How much of the tint of the skin the mouth and the eyes have.
-_TINT, _EYE_TINT = 0.35, 0.5
+# How much of the tint of the skin teeth, the rest of the mouth, and eyes have.
+_TINT, _WALLS, _EYE_TINT = 0.35, 0.65, 0.5
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
 _TONE, _HUE = 0.7, 0.3
 _BLACK = 0.02
@@ -65,8 +65,8 @@ def light_in_mouth(
     """
     character = head.character
     inside = head.inside[surface.faces[surface.at]]
-    teeth = [character.vertices[slice(*part.vertices)] for part in character.parts if part.material == "teeth"]
-    front = max((float(vertices[:, 2].max()) for vertices in teeth), default=float(character.vertices[:, 2].max()))
+    rows = [character.vertices[slice(*part.vertices)] for part in character.parts if part.material == "teeth"]
+    front = max((float(vertices[:, 2].max()) for vertices in rows), default=float(character.vertices[:, 2].max()))
     behind = np.zeros(len(surface.faces))
     behind[surface.at] = np.where(inside, smooth_step((front - places[:, 2]) / character.height, _DEPTHS), 0.0)
     # Teeth light up the gaps between them.
@@ -76,7 +76,10 @@ def light_in_mouth(
     share = (_into(surface, edge, size, height) * shadow * (1.0 + (_DARK - 1.0) * image.reshape(-1)[surface.at])) ** (
         1.0 / 2.2
     )
-    result: Array = (share * light.mean(axis=1))[:, None] * head.tint**_TINT
+    # Light that red walls have reflected is redder.
+    teeth = triangles_of(character, ("teeth",))[surface.faces[surface.at]]
+    tint = np.where(teeth[:, None], head.tint**_TINT, head.tint**_WALLS)
+    result: Array = (share * light.mean(axis=1))[:, None] * tint
     return result
 
 
