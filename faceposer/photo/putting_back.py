@@ -23,6 +23,7 @@ Image32 = NDArray[np.float32]
 
 # Cosine between skin and view from which the change of its colours is seen.
 _FACING = 0.5
+_STEP = "Putting the face back"
 
 
 def put_back(
@@ -44,21 +45,27 @@ def put_back(
         FacePoserError: If the photo shows too little of the face.
         CancelledError: If the user has cancelled the work.
     """
-    change = photo_change(head, np.asarray(vertices, dtype=np.float64), skin)
+    change = photo_change(head, np.asarray(vertices, dtype=np.float64), skin, progress)
     left, top, right, bottom = head.box
     result = head.pixels.copy()
     result[top:bottom, left:right] = with_change(head.pixels[top:bottom, left:right], change, progress)
     return result
 
 
-def photo_change(head: HeadInPhoto, vertices: Array, skin: Image32 | None = None) -> PhotoChange:
-    """Return how the photo changes if ``head`` gets ``vertices``, (N, 3); ``skin`` is as for `put_back`."""
+def photo_change(
+    head: HeadInPhoto, vertices: Array, skin: Image32 | None = None, progress: Progress | None = None
+) -> PhotoChange:
+    """Return how the photo changes if ``head`` gets ``vertices``, (N, 3); the others are as for `put_back`."""
+    progress = progress or Progress()
+    progress.at(_STEP)
     following = Following.of(head, vertices)
+    progress.at(_STEP)
     light = following.light
     if skin is not None:
         seen = smooth_step(following.facing, (0.0, _FACING))[:, None]
         light.reshape(-1, 3)[following.surface.at] += seen * _change_of_skin(head, following, skin)
     parts = DrawnParts.of(head, vertices, following)
+    progress.at(_STEP)
     offsets, share = following.offsets, parts.share
     glasses = Glasses.before(head, vertices)
     if glasses is not None:
