@@ -53,7 +53,7 @@ _MARGIN, _FINE = 3, 3
 # Softness of the edges of drawn parts, in heights of the head.
 _SOFT = 0.002
 # Blur of the photo, in its pixels, that drawn colours have, too.
-_BLUR = 0.3
+_BLUR = 0.5
 # Side of the squares whose averages are extended beside drawn parts, in heights of the head.
 _CELL = 0.004
 
@@ -198,7 +198,8 @@ class _Drawing:
         colours[inside] *= np.exp(tone_of_teeth(head))
         colours[eyes] = no_brighter(head, colours[eyes] * np.exp(tone_of_eyes(head)))
         colours[lids] *= np.exp(tone_of_lids(head, before[lids]))
-        colours[lips] = self._colours_of_lips(before[lips], surface.at[lips], box)
+        red = surface.of_vertices(head.redness[:, None])[lips]
+        colours[lips] = self._colours_of_lips(before[lips], red, surface.at[lips], box)
         share, painted = np.zeros(len(surface.faces)), np.zeros((len(surface.faces), 3))
         share[surface.at], painted[surface.at] = shares, shares[:, None] * np.clip(colours, 0.0, 1.0)
         cells = (bottom - top, _FINE, right - left, _FINE)
@@ -217,27 +218,35 @@ class _Drawing:
         result: Array = self.mouth * (1.0 - smooth_step(away, (0.5, 1.0)))
         return result
 
-    def _colours_of_lips(self, before: Array, at: NDArray[np.int64], box: Box) -> Array:
+    def _colours_of_lips(self, before: Array, red: Array, at: NDArray[np.int64], box: Box) -> Array:
         """Return colours of lips at points ``before``, which pixels ``at`` of a ``box`` show, (n, 3).
 
-        They are those of the nearest lips in the photo that neither teeth nor the line of the lips shine through.
+        They are those of the nearest lips in the photo that neither teeth nor the line of the lips shine through, as
+        far as they are ``red``, (n, 1), and of the skin around them.
         """
         head, (left, top, right, _) = self.head, box
         column, row, _ = cells_of(head, before)
         width = _FINE * (right - left)
         light = self.light[top + at // width // _FINE, left + at % width // _FINE]
-        result: Array = self._clear_lips[row, column] * np.exp(light)
+        lips, skin = self._clear
+        result: Array = (red * lips[row, column] + (1.0 - red) * skin[row, column]) * np.exp(light)
         return result
 
     @cached_property
-    def _clear_lips(self) -> Array:
-        """The photo's colours of the nearest lips off the mouth's inside, shape (h, w, 3)."""
+    def _clear(self) -> tuple[Array, Array]:
+        """The photo's colours of the nearest lips, and of the nearest skin around them, off the mouth, (h, w, 3)."""
         head = self.head
-        width, height = head.camera.size
-        clear = (head.away_from_mouth >= self._width) & (head.away_from_mouth < _REACH * self._width)
-        lips = np.zeros(len(head.surface.faces), dtype=bool)
-        lips[head.surface.at] = head.red_of_lips[head.surface.faces[head.surface.at]]
-        weight = (clear & lips.reshape(height, width)).astype(np.float64)
+        away = head.away_from_mouth / self._width
+        triangles = head.surface.faces[head.surface.at]
+        red, around = head.red_of_lips[triangles], head.lips[triangles] & ~head.red_of_lips[triangles]
+        return self._taken(red, (away >= 1.0) & (away < _REACH)), self._taken(around, away >= 1.0)
+
+    def _taken(self, part: Mask, clear: Mask) -> Array:
+        """Return the photo's colours of a ``part`` of the surface, (n,), from where it is ``clear``, (h, w, 3)."""
+        head = self.head
+        mask = np.zeros(clear.size, dtype=bool)
+        mask[head.surface.at] = part
+        weight = (clear & mask.reshape(clear.shape)).astype(np.float64)
         smooth, total = blurred(head.picture.astype(np.float64), weight, _SMOOTH * head.head_height)
         return extended(smooth, total > _LEAST)
 

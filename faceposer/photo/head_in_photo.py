@@ -284,6 +284,13 @@ class HeadInPhoto:
         return self._of_regions(_LIPS) & ~self.inside
 
     @cached_property
+    def redness(self) -> Array:
+        """1 for the vertices of the red of the lips, else 0, shape (N,)."""
+        result = np.zeros(len(self.character.vertices))
+        result[self.character.triangles[self.red_of_lips]] = 1.0
+        return result
+
+    @cached_property
     def red_of_lips(self) -> NDArray[np.bool_]:
         """The triangles of the red of the lips, shape (T,); none if the character has no such regions."""
         return self._of_regions(_LIPS[:2]) & ~self.inside
