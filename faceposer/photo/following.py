@@ -30,6 +30,8 @@ _CELL = 0.008
 # between limits in heights of the head. Also in heights of the head: the distance from what is behind the face up to
 # which only skin that is well seen counts, the width of the edge of the face, and the smoothing behind the face.
 _MOVED, _BEHIND, _BESIDE, _EDGE, _SOFT = 1.3, (0.09, 0.2), 0.015, 0.03, 0.025
+# Difference of offsets, in heights of the head, that smoothing makes a continuous one.
+_ALIKE = 0.015
 # Least cosine between skin and view of skin that is well seen.
 _WELL = 0.35
 # Least cosine between skin and view at which a pixel is compared with the photo, and that from which its light is
@@ -143,8 +145,13 @@ def _offsets(
     away = ndimage.distance_transform_edt(~front) / head.head_height
     moved = np.linalg.norm(offsets.reshape(height, width, 2)[front & (away_from_others < _EDGE)], axis=1)
     band = np.clip(_MOVED * np.quantile(moved, 0.9) / head.head_height, *_BEHIND) if moved.size else _BEHIND[0]
+    image = offsets.reshape(height, width, 2)
     known = front | (others & (away > band))
-    result = extended(offsets.reshape(height, width, 2), known, cell)
+    result = extended(image, known, cell)
+    # Where what is behind the face moves nearly alike, as when all gets slimmer, it follows itself.
+    alike = np.linalg.norm(result - image, axis=2) < _ALIKE * head.head_height
+    known |= others & alike & ~_image(head, surface, surface.of_vertices(head.underside[:, None])[:, 0] > 0.0)
+    result = extended(image, known, cell)
     soft = _SOFT * head.head_height
     smooth = ndimage.gaussian_filter(result, (soft, soft, 0.0))
     return result + smooth_step(away, (0.0, _SOFT))[..., None] * (smooth - result), known

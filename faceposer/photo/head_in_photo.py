@@ -249,6 +249,13 @@ class HeadInPhoto:
         )
 
     @cached_property
+    def underside(self) -> Array:
+        """1 for the vertices that look down on the neutral head, else 0, shape (N,)."""
+        vertices = self.character.vertices.astype(np.float32)
+        up = VertexNormals(self.character.triangles, len(vertices))(vertices)[:, 1]
+        return (up < _UNDERSIDE).astype(np.float64)
+
+    @cached_property
     def behind(self) -> Array:
         """1 for skin behind the face in the photo: neck and underside of the jaw, else 0, shape (N,).
 
@@ -264,13 +271,12 @@ class HeadInPhoto:
 
         neck, ears, face = among(("neck",)), among(_EARS), among(_ABOVE)
         places = self.character.vertices.astype(np.float32)
-        up = VertexNormals(self.character.triangles, count)(places)[:, 1]
         # The jaw ends below the ears; the sides of the neck are farther back.
         back = places[:, 2] < places[ears, 2].max(initial=-np.inf) + _ANGLE * self.character.height
         back &= places[:, 1] < (places[ears, 1].mean() if ears.any() else -np.inf)
         for _ in range(_RINGS):
             neck[self.character.triangles[neck[self.character.triangles].any(axis=1)]] = True
-        under = neck | ((up < _UNDERSIDE) | back) & ~(face | ears)
+        under = neck | ((self.underside > 0.0) | back) & ~(face | ears)
         edges = np.concatenate([self.character.triangles[:, [0, 1]], self.character.triangles[:, [1, 2]]])
         edges = edges[under[edges].all(axis=1)]
         links = coo_matrix((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count))
