@@ -42,6 +42,21 @@ CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
 #: Shapes limited by another: a shape, the limiting shape, and by how much the first may exceed it. ARKit's mouthClose
 #: brings the lips together over an open jaw; over a closed jaw it would lift the lower lip through the upper.
 DEPENDENT_SHAPES: tuple[tuple[str, str, float], ...] = (("mouthClose", "jawOpen", 0.05),)
+# Muscles that relax when they are pulled against, each with those of the same side that subside with it: what a smile
+# or a frown brings along ends with it. Lids, gaze, jaw and tongue keep their pose.
+_SUBSIDING: dict[str, tuple[str, ...]] = {
+    "smile": ("cheek", "squint", "stretch", "upper lip", "lower lip"),
+    "frown": ("stretch", "lower lip"),
+    "stretch": ("lower lip",),
+    "upper lip": (),
+    "lower lip": (),
+    "lips": (),
+    "cheek": (),
+    "nose": (),
+    "brow down": (),
+    "inner brow up": (),
+    "outer brow up": (),
+}
 # Share of a muscle's variance that both sides have in common, for muscles that people can move on one side alone.
 _COMMON = {
     "brow down": 0.4,
@@ -71,6 +86,11 @@ def muscle_of_shape(name: str) -> str:
 def side_of_shape(name: str) -> str:
     """Return the side of the shape ``name``: "Left", "Right", or "" for both."""
     return next((side for side in _SIDES if name.endswith(side)), "")
+
+
+def subsiding(muscle: str) -> tuple[str, ...] | None:
+    """Return the muscle groups that relax together with ``muscle`` when it is pulled against; None if it stays."""
+    return _SUBSIDING.get(muscle)
 
 
 def independence(names: Sequence[str], sides: bool = True) -> Array:
