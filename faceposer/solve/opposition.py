@@ -31,7 +31,7 @@ class _Muscles:
 
     Attributes:
         own: Mask of the weights of each muscle, shape (M, W).
-        carried: Share by which each weight, its own and those that subside with it, fades with each muscle, (M, W).
+        carried: Change of each other weight per unit of each muscle, shape (M, W).
     """
 
     own: NDArray[np.bool_]
@@ -41,12 +41,11 @@ class _Muscles:
 def fading(model: FaceModel, start: Array, rows: Array, residual: Array, strength: float = 1.0) -> Array | None:
     """Return the part of ``start`` that constraints pull against, shape (r,), which is to be subtracted, or None.
 
-    With w0 the weights of the start, V_m the change of the constraints' residuals r when muscle m of one side relaxes
-    together with what subsides with it (``muscles.SUBSIDING``), the shares s_m minimise |V s + r|^2 + |s|^2 with
-    0 <= s_m <= b_m, where b_m is the attribution of the constraints to the muscle (``local_moments.attribution``)
-    through a smooth step. Weight w becomes w0 (1 - min(1, sum over m of c_mw s_m)), with c_mw the share by which it
-    follows muscle m. Constraints that are met at the start change nothing, and the result is continuous in their
-    targets.
+    With a_mw the part of weight w in the start that ends with muscle m of one side, which is all of its own weights and
+    a part of others (``muscles.subsiding``), and V_m the change of the constraints' residuals r by -a_m, the shares s_m
+    minimise |V s + r|^2 + |s|^2 with 0 <= s_m <= b_m, where b_m is the attribution of the constraints to the muscle
+    (``local_moments.attribution``) through a smooth step. The result is the sum of all s_m a_m, limited to the start.
+    Constraints that are met at the start change nothing, and the result is continuous in their targets.
 
     Args:
         model: The face.
@@ -59,20 +58,19 @@ def fading(model: FaceModel, start: Array, rows: Array, residual: Array, strengt
     weights = density.directions @ start
     if not len(rows) or strength <= 0.0 or np.abs(weights).max(initial=0.0) < _RELAXED:
         return None
-    muscles = _muscles(model)
+    muscles, active = _muscles(model), np.maximum(weights, 0.0)
+    strengths = np.where(muscles.own, active, 0.0).max(axis=1)
+    parts = np.where(muscles.own, active, np.minimum(muscles.carried * strengths[:, None], active))
     by_weight = rows @ density.projection
     attributed = attribution(by_weight, residual, density.largest)
-    changes = -(muscles.carried * weights) @ by_weight.T
     first, last = _ATTRIBUTED
     t = ((np.where(muscles.own, attributed, 0.0).max(axis=1) - first) / (last - first)).clip(0.0, 1.0)
-    bounds = t * t * (3.0 - 2.0 * t)
-    bounds[np.where(muscles.own, np.abs(weights), 0.0).max(axis=1) < _RELAXED] = 0.0
-    shares = _bounded_least_squares(changes, residual, bounds)
+    bounds = np.where(strengths < _RELAXED, 0.0, t * t * (3.0 - 2.0 * t))
+    shares = _bounded_least_squares(-(parts @ by_weight.T), residual, bounds)
     if not shares.any():
         return None
-    fade = strength * np.minimum(shares @ muscles.carried, 1.0)
-    part: Array = density.projection @ (fade * weights)
-    return part
+    fade: Array = density.projection @ (strength * np.minimum(shares @ parts, active))
+    return fade
 
 
 def _bounded_least_squares(columns: Array, residual: Array, bounds: Array) -> Array:
@@ -105,11 +103,11 @@ def _muscles(model: FaceModel) -> _Muscles:
     groups = [(muscle_of_shape(name), side_of_shape(name)) for name in names]
     kinds = [kind for kind in dict.fromkeys(groups) if subsiding(kind[0]) is not None]
     own = np.array([[group == kind for group in groups] for kind in kinds], dtype=bool).reshape(len(kinds), len(names))
-    carried = own.astype(np.float64)
+    carried = np.zeros(own.shape)
     for row, (muscle, side) in enumerate(kinds):
-        followers = subsiding(muscle) or ()
+        amounts = subsiding(muscle) or {}
         for column, (other, other_side) in enumerate(groups):
-            if other in followers:
+            if other_side in (side, ""):
                 # A shape of both sides follows either side by half.
-                carried[row, column] = 1.0 if other_side == side else 0.5 * (other_side == "")
+                carried[row, column] = amounts.get(other, 0.0) * (1.0 if other_side == side else 0.5)
     return _Muscles(own, carried)
