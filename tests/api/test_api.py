@@ -415,7 +415,7 @@ def test_pictures_without_background_and_sequences(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("no_ffmpeg")
 def test_without_ffmpeg_python_says_so(tmp_path: Path) -> None:
-    with pytest.raises(faceposer.FacePoserError, match=r"MP4 needs ffmpeg.*faceposer\[films\]"):
+    with pytest.raises(faceposer.FacePoserError, match=r"MP4 needs ffmpeg.*faceposer\[film\]"):
         faceposer.load("low").export(tmp_path / "a.mp4")
 
 

@@ -52,7 +52,7 @@ def add_parser(subcommands: Any) -> None:
     parser.add_argument(
         "--painting",
         action="store_true",
-        help="the photos are of paintings or drawings: shape from landmarks, and the skin keeps the painter's colours",
+        help="the photos are of paintings or drawings: a likelier head, and the skin keeps the painter's colours",
     )
     parser.add_argument(
         "--pins",
@@ -111,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
     for photo in made.report["photos"]:
         colours = "" if photo["residual"] is None else f", colours {photo['residual']:.3f}"
         print(printable(f"{photo['photo']}: landmarks {photo['landmark_px']:.1f} px{colours} off"))
-    if options.dense and not options.painting and not made.report["refined"]:
+    if options.dense and not made.report["refined"]:
         print("Colours did not improve the head, which is that of the landmarks.")
     print(f"{options.output} written from {counted(len(found), 'photo')} in {made.report['seconds']:.1f} s")
     if options.report is not None:
