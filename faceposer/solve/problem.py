@@ -69,7 +69,8 @@ class PoseProblem:
     of the size of the mesh.
 
     Attributes:
-        start: The pose on which the prior is conditioned, shape (r,): the given one, with the eyes turned.
+        start: The pose on which the prior is conditioned, shape (r,): the given one, with the eyes turned, without
+            what the constraints pull against.
         limits: Limits of the weights of the model's density, widened to the home pose, shape (W, 2); None if the
             problem has none.
         trust: Share from 0 to 1 by which targets count unlimited; see ``ReachTerm.within_reach``.

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from faceposer.gui.features.photo_head.work import MarkedPhoto, PhotoHead
 
 _LIKENESS_TIP = (
-    "How the head is chosen where the photos leave it open. Left: a face like that in the photos, unusual if need be. "
-    "Right: a head that people usually have. 1 is the most probable head."
+    "How closely the head follows the photos. Left: as like as possible, unusual if need be. Right: more like usual "
+    "heads. 1 is the most probable head."
 )
 _LABEL = 6.0
 
