@@ -166,5 +166,5 @@ def test_photos_stand_together_in_the_menu_view(open_window: OpenWindow) -> None
     entries = open_window("low", (680, 540), pictures=False).app.actions.in_menu("View")
     names = [entry.name for entry in entries]
     first = names.index("photo-look")
-    assert names[first : first + 3] == ["photo-look", "photo-shown", "photo-put-back"]
-    assert [entry.separated for entry in entries if entry.name.startswith("photo-")] == [True, False, False]
+    assert names[first : first + 4] == ["photo-look", "photo-shown", "photo-put-back", "photo-wipe"]
+    assert [entry.separated for entry in entries if entry.name.startswith("photo-")] == [True, False, False, False]
