@@ -43,8 +43,8 @@ CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
 #: brings the lips together over an open jaw; over a closed jaw it would lift the lower lip through the upper.
 DEPENDENT_SHAPES: tuple[tuple[str, str, float], ...] = (("mouthClose", "jawOpen", 0.05),)
 # Muscles that relax when they are pulled against, each with the groups that end along with it on the same side, and at
-# most how much of their weight goes per unit of the muscle. A broad smile parts the lips and raises the cheeks; a
-# wide open jaw, a tongue that is out or a kiss are an artist's own.
+# most how much of their weight goes per unit of the muscle. A broad smile parts the lips and raises the cheeks, and
+# lowered brows wrinkle the nose; a wide open jaw, a tongue that is out or a kiss are an artist's own.
 _SUBSIDING: dict[str, dict[str, float]] = {
     "smile": {
         "cheek": 1.0,
@@ -63,7 +63,7 @@ _SUBSIDING: dict[str, dict[str, float]] = {
     "lips": {},
     "cheek": {},
     "nose": {},
-    "brow down": {},
+    "brow down": {"nose": 0.5},
     "inner brow up": {},
     "outer brow up": {},
 }

@@ -13,6 +13,7 @@ from faceposer.solve.opposition import _bounded_least_squares, fading
 from faceposer.solve.problem import PoseProblem
 
 CORNERS = ("8.3", "8.4")
+SIDES = ("Left", "Right")
 SMILE = {
     "mouthSmile": 0.7,
     "cheekSquint": 0.5,
@@ -30,7 +31,7 @@ def camera(model: FaceModel) -> Camera:
 
 
 def expression(model: FaceModel, **central: float) -> np.ndarray:
-    both = {f"{name}{side}": value for name, value in SMILE.items() for side in ("Left", "Right")}
+    both = {f"{name}{side}": value for name, value in SMILE.items() for side in SIDES}
     return model.coefficients_of({**both, **central})
 
 
@@ -69,7 +70,7 @@ def test_corners_pulled_down_from_a_broad_smile_frown(model: FaceModel, camera: 
     after = weights(model, pose.coefficients)
     assert corner_height(model, start) > 0.1
     assert corner_height(model, pose.coefficients) < -0.5, "centimetres"
-    for side in ("Left", "Right"):
+    for side in SIDES:
         assert after[f"mouthFrown{side}"] > 0.85
         for ended in ("mouthSmile", "cheekSquint", "eyeSquint", "mouthUpperUp", "mouthDimple"):
             assert after[f"{ended}{side}"] < 0.06, ended
@@ -117,6 +118,16 @@ def test_what_is_pulled_further_or_elsewhere_stays(model: FaceModel, camera: Cam
     assert gone["browOuterUpLeft"] > 0.4
     assert max(abs(value) for name, value in gone.items() if name.startswith(("mouth", "cheek", "jaw"))) < 0.02
     assert abs(gone["browOuterUpRight"]) < 0.05, "the other side is not pulled"
+
+
+def test_raised_brows_end_their_frown_and_wrinkle_the_nose_no_further(model: FaceModel, camera: Camera) -> None:
+    start = model.coefficients_of({f"{n}{s}": w for n, w in (("browDown", 0.9), ("noseSneer", 0.4)) for s in SIDES})
+    pins = pulled(model, camera, start, dict.fromkeys(("4.1", "4.2"), (0.0, -25.0)))
+    after = weights(model, solve(PoseProblem(model, pins, start)).coefficients)
+    for side in SIDES:
+        assert after[f"browDown{side}"] < 0.05
+        assert after[f"browInnerUp{side}"] > 0.2
+        assert after[f"noseSneer{side}"] < 0.2
 
 
 def test_one_corner_ends_the_smile_of_its_side(model: FaceModel, camera: Camera) -> None:
