@@ -28,11 +28,11 @@ _DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.1, 0.006, 0.4, 0.
 # Height of openings, in heights of the head, between which light gets in, and its share in narrow ones.
 _OPENING, _NARROW = (0.004, 0.018), 0.3
 # Shadow of the lids on the eyes, and its width in heights of the head.
-_LID_SHADOW, _LID_WIDTH = 0.45, 0.015
+_LID_SHADOW, _LID_WIDTH = 0.35, 0.012
 # Largest brightness of eyes relative to skin.
 _WHITE = 1.0
 # How much of the tint of the skin teeth, the rest of the mouth, and eyes have.
-_TINT, _WALLS, _EYE_TINT = 0.35, 0.65, 0.5
+_TINT, _WALLS, _EYE_TINT = 0.35, 0.65, 0.6
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
 _TONE, _HUE = 0.7, 0.3
 _BLACK = 0.02
