@@ -5,6 +5,7 @@ Run from the root of a checkout::
     python -m scripts.study_photo --json F.json --n 50 --views 1 3
     python -m scripts.study_photo --json F.json --n 10 --first 3000 --views 1 --lights other
     python -m scripts.study_photo --json F.json --n 10 --first 4000 --views 1 --lights other --paintings
+    python -m scripts.study_photo --json F.json --n 6 --first 2000 --views 1 --likelihood 0.25
     python -m scripts.study_photo --json F.json --n 0 --scan shared/scans/perry_smith.obj
     python -m scripts.study_photo --json F.json --n 6 --first 2010 --skins
 """
@@ -38,10 +39,11 @@ def main() -> None:
     parser.add_argument(
         "--lights", choices=("phong", "other"), default="phong", help="light as of the fit, or lamps and sky"
     )
+    parser.add_argument("--likelihood", type=float, default=1.0, help="weight of the density of heads")
     parser.add_argument("--paintings", action="store_true", help="make paintings of the photos, and fit them as such")
     parser.add_argument("--skins", action="store_true", help="instead, compare skins from one photo with the true ones")
     options = parser.parse_args()
-    study = Study(options.lights == "other", options.paintings)
+    study = Study(options.lights == "other", options.paintings, options.likelihood)
     if options.skins:
         skins, errors = SkinStudy(study), []
         for number in range(options.first, options.first + options.n):

@@ -69,15 +69,16 @@ class Trial:
 class Study:
     """Trials on random people who are not in the model's training data."""
 
-    def __init__(self, other_lights: bool = False, paintings: bool = False) -> None:
+    def __init__(self, other_lights: bool = False, paintings: bool = False, likelihood: float = 1.0) -> None:
         """Prepare the model of heads.
 
         Args:
             other_lights: Light the people with several lamps and the sky, which the fit does not have.
             paintings: Make paintings of the photos, and fit them as such.
+            likelihood: Weight of the density of heads.
         """
         self.other_lights, self.paintings = other_lights, paintings
-        self.likelihood = PAINTED if paintings else 1.0
+        self.likelihood = likelihood * (PAINTED if paintings else 1.0)
         self.basis: HeadBasis = head_basis()
         self.places: FacePlaces = load_face_places()
         self.samples = shipped_samples(self.basis, self.places)

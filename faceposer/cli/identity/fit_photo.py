@@ -8,6 +8,7 @@ from faceposer.cli.arguments import number_between, output_path
 from faceposer.cli.identity.heads import ROOM, check_titles
 from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_distinct, check_not_input, check_output, check_space
+from faceposer.identity.photos import LIKELIHOODS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,10 +42,11 @@ def add_parser(subcommands: Any) -> None:
     )
     parser.add_argument(
         "--likelihood",
-        type=lambda text: number_between(text, 0.05, 20.0),
+        type=lambda text: number_between(text, *LIKELIHOODS),
         default=1.0,
         metavar="X",
-        help="weight of what is usual: below 1 for more likeness, above 1 for a likelier head (default: 1)",
+        help=f"weight of what is usual, from {LIKELIHOODS[0]:g} for likeness to {LIKELIHOODS[1]:g} for a likely head "
+        "(default: 1)",
     )
     parser.add_argument(
         "--landmarks-only", dest="dense", action="store_false", help="use landmarks, not the colours of the photos"

@@ -97,7 +97,7 @@ def head_from_photos(
         names: Names of the photos for messages.
         name: Short name of the character.
         title: Its display name.
-        likelihood: Weight of the density of heads: below 1 for more likeness, above 1 for a likelier head.
+        likelihood: Weight of the density of heads (`LIKELIHOODS`): below 1 for likeness, above 1 for a likely head.
         dense: Refine the head by the colours of the photos, and take them over.
         painting: The photos are paintings or drawings: the likelihood counts twice, segments get no coefficients of
             their own, and the skin keeps the painter's colours, light and all that is not a slope of brightness.
