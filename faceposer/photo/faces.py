@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,12 +49,14 @@ class FaceInPhoto:
         file: Its properties.
         pixels: The image, reduced if it is large, shape (h, w, 3).
         face: The face, in pixels of ``pixels``.
+        placed: Pixels of ``pixels`` of the feature points that were placed by hand, by name.
     """
 
     path: Path
     file: PhotoFile
     pixels: NDArray[np.uint8]
     face: PhotoFace
+    placed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def factor(self) -> float:
@@ -68,10 +70,10 @@ class FaceInPhoto:
         shift = (float(principal[0]) - width / 2.0, float(principal[1]) - height / 2.0)
         return replace(camera, focal=camera.focal * self.factor, size=self.file.size, shift=shift)
 
-    def full_landmarks(self) -> Landmarks:
-        """Return the landmarks in pixels of the whole photo."""
-        found, factor = self.face.landmarks, self.factor
-        return replace(found, points=factor * found.points, iris=factor * found.iris, box=factor * found.box)
+    def features(self) -> dict[str, tuple[float, float]]:
+        """Return the pixels of the whole photo of feature points by name: as placed, else as landmarks imply."""
+        places = {**feature_pixels(self.face.landmarks), **self.placed}
+        return {name: (self.factor * u, self.factor * v) for name, (u, v) in places.items()}
 
 
 def read_face(
@@ -205,4 +207,5 @@ def with_moved_features(found: FaceInPhoto, moved: Mapping[str, tuple[float, flo
     points[:, :2] += kernel(points[:, :2]) @ weights
     for eye, name in enumerate(_PUPILS):
         iris[eye, :, :2] += offsets[names.index(name)]
-    return replace(found, face=replace(found.face, landmarks=replace(landmarks, points=points, iris=iris)))
+    face = replace(found.face, landmarks=replace(landmarks, points=points, iris=iris))
+    return replace(found, face=face, placed={**found.placed, **moved})

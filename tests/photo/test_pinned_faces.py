@@ -24,7 +24,7 @@ def plain(photo: Path) -> FaceInPhoto:
 
 
 def test_pins_where_the_landmarks_are_move_nothing(photo: Path, plain: FaceInPhoto) -> None:
-    found = read_face(photo, pins=feature_pixels(plain.full_landmarks()))
+    found = read_face(photo, pins=plain.features())
     np.testing.assert_allclose(found.face.landmarks.points, plain.face.landmarks.points, atol=1e-6)
 
 

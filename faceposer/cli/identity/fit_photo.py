@@ -161,12 +161,11 @@ def _write_session(options: argparse.Namespace, found: "Sequence[FaceInPhoto]", 
     from dataclasses import replace
 
     from faceposer.cli.opening import open_with_remark
-    from faceposer.landmarks.feature_points import feature_pixels
     from faceposer.photo.photo import Photo, Pin
 
     first = found[0]
     camera = first.full_camera(made.cameras[0])
-    pins = tuple(Pin(place, pixel) for place, pixel in feature_pixels(first.full_landmarks()).items())
+    pins = tuple(Pin(place, pixel) for place, pixel in first.features().items())
     photo = Photo(str(first.path.absolute()), first.file.size, pins, camera, first.file.focal)
     photo = photo.with_expression(made.model, made.poses[0])
     session = open_with_remark(str(options.output))

@@ -52,7 +52,7 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     robot.click_widget("photo-head:find")
     finish(robot)
     assert page(robot) == "landmarks"
-    before = state.marked[0]
+    before = state.landmarks.marked[0]
 
     left, top, right, _ = robot.app.widget_rects["photo-head:picture"]
     factor = (right - left) / before.image.shape[1]
@@ -60,7 +60,7 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     begin = (left + factor * u, top + factor * v)
     robot.drag(begin, (begin[0] + 10.0, begin[1]))
     robot.frames(2)
-    moved = state.marked[0]
+    moved = state.landmarks.marked[0]
     assert moved.moved == {"8.3"}
     shift = moved.with_landmarks().face.landmarks.points - before.found.face.landmarks.points
     near = np.linalg.norm(shift[:, :2], axis=1)
@@ -72,12 +72,13 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     assert state.error == ""
     # A line between photo and head follows the pointer.
     assert state.result is not None
-    assert state.result.over is not None
-    assert state.result.over.shape == state.result.picture.shape
+    view = state.result.views[0]
+    assert view.over is not None
+    assert view.over.shape == view.picture.shape
     left, top, right, _ = robot.app.widget_rects["photo-head:picture"]
     robot.drag((0.5 * (left + right), top + 60.0), (0.25 * right + 0.75 * left, top + 60.0))
     robot.frames(2)
-    assert state.dialog.wiped == pytest.approx(0.25, abs=0.02)
+    assert state.dialog.compared.wiped == pytest.approx(0.25, abs=0.02)
     robot.click_widget("photo-head:open")
     robot.frames(4)
     session = robot.app.session
