@@ -65,11 +65,16 @@ class HeadMakingFeature(HeadMaking[M, H], WorkFeature):
         return True
 
     def accept_files(self, dropped: tuple[str, ...]) -> bool:
-        """Add dropped files while the form is shown."""
-        if not self.open or self.page != "form":
+        """Add dropped files; from the landmarks the way leads back to the form, where they are shown."""
+        if not self.open:
             return False
-        for path in dropped:
-            self.add(Path(path))
+        if self.page == "result":
+            self.error = "Save or discard the head before you add files."
+            self.context.redraw()
+            return True
+        if self.page == "landmarks":
+            self.back()
+        self.add(*map(Path, dropped))
         return True
 
     def update(self) -> None:

@@ -20,7 +20,8 @@ from faceposer.session.jobs import ThreadJob
 from faceposer.session.opening import open_session
 
 Page = Literal["form", "finding", "landmarks", "fitting", "result"]
-_MOST_FILES = 12
+# Most files, and most names of files in a message.
+_MOST_FILES, _MOST_NAMED = 12, 3
 
 
 class HeadMaking(Generic[M, H]):
@@ -133,16 +134,23 @@ class HeadMaking(Generic[M, H]):
         kinds = f"{words.noun.capitalize()}s"
         self.context.ask_for_file(FileRequest("open", words.files, kinds, self.suffixes, folder, self.add))
 
-    def add(self, path: Path) -> None:
-        """Add the file ``path`` to the list."""
+    def add(self, *paths: Path) -> None:
+        """Add the files ``paths`` to the list, and say which of them are none that can be used."""
+        noun = self.words.noun
+        foreign = [path.name for path in paths if path.suffix.lower() not in self.suffixes]
+        new = [str(path) for path in paths if path.name not in foreign and str(path) not in self.files]
+        room = _MOST_FILES - len(self.files)
+        self.files += new[:room]
+        if new and not self.title:
+            self.title = Path(new[0]).stem.replace("_", " ").replace("-", " ").strip().title()
         self.error = ""
-        if path.suffix.lower() not in self.suffixes:
-            self.error = f"'{path.name}' is no {self.words.noun}; choose {', '.join(self.suffixes)} files."
-        elif len(self.files) >= _MOST_FILES:
-            self.error = f"At most {_MOST_FILES} files can be used at once."
-        elif str(path) not in self.files:
-            self.files.append(str(path))
-            self.title = self.title or path.stem.replace("_", " ").replace("-", " ").strip().title()
+        if foreign:
+            names = ", ".join(f"'{name}'" for name in foreign[:_MOST_NAMED])
+            more = f" and {len(foreign) - _MOST_NAMED} more" if len(foreign) > _MOST_NAMED else ""
+            kind = f"is no {noun}" if len(foreign) == 1 else f"are no {noun}s"
+            self.error = f"{names}{more} {kind}; choose {', '.join(self.suffixes)} files."
+        if len(new) > room:
+            self.error = f"{self.error} At most {_MOST_FILES} files can be used at once.".strip()
         self.context.redraw()
 
     def remove(self, path: str) -> None:
