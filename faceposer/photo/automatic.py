@@ -74,7 +74,7 @@ def expression_of(found: FaceInPhoto, model: FaceModel) -> PhotoExpression:
     """Return the expression of the face ``found`` on the character of ``model``.
 
     Raises:
-        FacePoserError: If the face is seen from the side, or the character has none of ARKit's shapes.
+        FacePoserError: If the face is turned too far, or the character has none of ARKit's shapes.
     """
     check_takes(model, "photos", "pin its points on the photo instead (--pins)")
     basis = head_basis()

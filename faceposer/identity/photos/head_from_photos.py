@@ -167,13 +167,13 @@ def head_from_photos(
 
 
 def check_turns(fit: LandmarkFit, names: Sequence[str]) -> None:
-    """Raise FacePoserError if a face is seen from the side, where its points are guesses."""
+    """Raise FacePoserError if a face is turned too far to a side, where its points are guesses."""
     for view, photo in zip(fit.state.views, names, strict=True):
         yaw = turn_of(view.camera.rotation)
         if abs(yaw) > MOST_YAW:
             raise FacePoserError(
-                f"The face in '{photo}' is turned by {np.degrees(abs(yaw)):.0f} degrees, and at most "
-                f"{np.degrees(MOST_YAW):.0f} can be used; use a photo more from the front."
+                f"The face in '{photo}' is turned by more than {np.degrees(MOST_YAW):.0f} degrees (about "
+                f"{np.degrees(abs(yaw)):.0f}); use a photo more from the front."
             )
 
 

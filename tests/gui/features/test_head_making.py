@@ -300,7 +300,7 @@ def test_pictures_get_the_room_and_buttons_stay_visible(
 ) -> None:
     robot = shown(open_window, size, ui_scale=scale)
     state, rects = state_of(robot), robot.app.widget_rects
-    state.error = "The face in 'one.png' is turned by 70 degrees, and at most 60 can be used; use another photo."
+    state.error = "The face in 'one.png' is turned by more than 60 degrees (about 70); use a photo more from the front."
     robot.frames(3)
     seen = {"landmarks": ("fit", "back", "cancel"), "result": ("open", "again", "discard")}
     for page, buttons in seen.items():

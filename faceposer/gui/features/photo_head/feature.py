@@ -46,8 +46,8 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
         ),
         "photo",
         "Add photo",
-        "Photos of one person, with the face large and turned to a side by at most 60 degrees. Photos from several "
-        "sides determine the head better. Hair over the face, glasses and folds of a smile leave traces in the skin.",
+        "Photos of one person with a large face, not turned by more than 60 degrees. Photos from several sides "
+        "determine the head better. Hair over the face, glasses and folds of a smile leave traces in the skin.",
         "Drag points that are not in their place; arrow keys move the selected one.",
         (),
     )
