@@ -1,5 +1,6 @@
 """Heads and expressions of photos in the window, driven by pointer and keys."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,24 @@ def finish(robot: Robot) -> None:
     robot.frames(3)
 
 
+def watch_fit(robot: Robot) -> None:
+    """Wait for the fit, which has one bar for all steps, and shows the head while it changes."""
+    state = robot.app.features[PhotoHeadFeature]
+    shares: list[float] = []
+    stages: set[str] = set()
+    pictures: set[int] = set()
+    while (job := state.job) is not None:
+        robot.frames(1)
+        shares.append(job.share)
+        stages.add(job.stage)
+        pictures.add(id(state.preview))
+        time.sleep(0.01)
+    assert shares == sorted(shares)
+    assert shares[-1] > 0.9
+    assert {"Fitting the head to colours", "Taking the colours of the photos"} <= stages
+    assert len(pictures) > 2
+
+
 def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow, photo: Path) -> None:
     robot = open_window("low", (1000, 800), pictures=False)
     state = robot.app.features[PhotoHeadFeature]
@@ -67,9 +86,12 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     assert near.max() > 5.0 * np.median(near)
 
     robot.click_widget("photo-head:fit")
-    finish(robot)
+    watch_fit(robot)
     assert page(robot) == "result"
     assert state.error == ""
+    # What was moved is saved exactly where it was dropped.
+    pins = {pin.place: pin.pixel for pin in state.result.photo.pins} if state.result is not None else {}
+    assert pins["8.3"] == pytest.approx(moved.placed["8.3"], abs=1e-6)
     # A line between photo and head follows the pointer.
     assert state.result is not None
     view = state.result.views[0]
