@@ -1,7 +1,7 @@
 """A head from photos of one person: identity, texture, character; pose, camera and light of each photo."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -135,10 +135,10 @@ def head_from_photos(
     line = None if found is None else found.state.texture
     if dense:
         identity = replace(identity, texture=_skin_texture(line, basis, identity, crops))
-    making, painting_skin = _STAGES["character"][0], _STAGES["skin"][0]
-    progress.at("Making the character", making)
+    making = progress.part(*_STAGES["character"])
+    making.at("Making the character")
     model = build_face_model(_named(basis.editor.with_head(identity), basis.editor.model, name, title, len(faces)))
-    progress.at("Making the character", 0.5 * (making + painting_skin))
+    making.at("Making the character", 0.5)
     views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
     seen = [ViewState(pose, camera, np.zeros(0)) for pose, camera in views]
     watch(FitSoFar(basis, rows, seen, crops, model))
@@ -149,15 +149,20 @@ def head_from_photos(
             for crop, (pose, camera) in zip(crops, views, strict=True)
         )
     if identity.texture is not None:
-        progress.at("Taking the colours of the photos", painting_skin)
-        lit = [
-            _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
-            for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
-        ]
+        taking = progress.part(*_STAGES["skin"])
+        taking.at("Taking the colours of the photos")
         # The brows are those of the photos.
         bare = replace(identity.texture, layers=replace(identity.texture.layers, brows="none"))
-        progress.at("Taking the colours of the photos", 0.7 * painting_skin + 0.3)
-        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places, _TOLERANCE if painting else 1.0)
+        under = textures_of(bare)["skin"]
+
+        def lit() -> Iterator[LitPhoto]:
+            # One at a time: they are large.
+            for number, (crop, (pose, camera)) in enumerate(zip(crops, views, strict=True)):
+                taking.at("Taking the colours of the photos", (number + 0.5) / (len(crops) + 1))
+                vertices = model.surface(pose).astype(np.float64)
+                yield _lit_photo(crop, faces[number], images[number], camera, vertices, lights[number])
+
+        skin = photo_texture(lit(), under, basis, places, _TOLERANCE if painting else 1.0)
         textures = {**model.character.textures, "skin": skin}
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))

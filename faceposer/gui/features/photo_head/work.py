@@ -82,8 +82,10 @@ def fit_head(
         progress=progress.part(0.0, 0.92),
         watch=watch,
     )
-    progress.at("Drawing the head", 0.92)
-    compared = tuple(_compared(one, made, number) for number, one in enumerate(marked))
+    drawing, compared = progress.part(0.92, 1.0), list[Compared]()
+    for number, one in enumerate(marked):
+        drawing.at("Drawing the head", number / len(marked))
+        compared.append(_compared(one, made, number))
     progress.check()
     first = found[0]
     width, height = first.file.size
@@ -97,7 +99,7 @@ def fit_head(
         f"Landmarks are {errors} pixels off, in {made.report['seconds']:.0f} s. Left of the line is the photo, right "
         "the head; drag the line."
     )
-    return PhotoHead(made.character, text, compared[0].picture, photo, made.poses[0], compared)
+    return PhotoHead(made.character, text, compared[0].picture, photo, made.poses[0], tuple(compared))
 
 
 def _compared(marked: MarkedPhoto, made: HeadFromPhotos, number: int) -> Compared:

@@ -108,8 +108,8 @@ def _over(marked: MarkedScan, mesh: PaintedMesh, side: int) -> Pixels:
 
 
 def _painted(character: Character, skin: Array) -> PaintedMesh:
-    """Return the skin of ``character`` at the places ``skin``, with its texture."""
+    """Return the skin of ``character`` at the places ``skin``, and its eyes, with their textures."""
     vertices = character.vertices.astype(np.float64)
     vertices[: len(skin)] = skin
-    parts = [part for part in character.parts if part.material == "skin"]
+    parts = [part for part in character.parts if part.material in ("skin", "eye")]
     return painted_parts(vertices, character.polygons, character.uv, character.polygon_uvs, parts, character.textures)
