@@ -87,10 +87,12 @@ def run(options: argparse.Namespace) -> int:
     if len(options.photos) > _MOST_PHOTOS:
         raise FacePoserError(f"There are {len(options.photos)} photos; give at most {_MOST_PHOTOS}.")
     pins = _pins_of(options)
-    found = [read_face(path, pins=given) for path, given in zip(options.photos, pins, strict=True)]
-    for one, given in zip(found, pins, strict=True):
+    found = []
+    for path, given in zip(options.photos, pins, strict=True):
+        one = read_face(path, pins=given)
         # Pins say which face is meant.
-        print_notes(one.path, "" if given else note_of_others(one))
+        print_notes(path, "" if given else note_of_others(one))
+        found.append(one.cut())
     name = options.name or options.output.stem
     line = ProgressLine()
     try:

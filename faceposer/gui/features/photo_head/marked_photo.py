@@ -132,5 +132,5 @@ def find_faces(files: Sequence[str], progress: Progress) -> list[MarkedPhoto]:
         found = read_face(Path(path))
         progress.at(stage, (number + 0.7) / len(files))
         note = note_of_others(found)
-        marked.append(MarkedPhoto.of(found, note))
+        marked.append(MarkedPhoto.of(found.cut(), note))
     return marked
