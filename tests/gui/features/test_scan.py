@@ -54,7 +54,6 @@ def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     state = feature(robot)
-    assert "scan:find" in robot.app.widget_rects
     state.add(scan)
     robot.frames(2)
     assert state.title == "Ann Other"
@@ -77,6 +76,8 @@ def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypa
     moved = state.landmarks.marked[0]
     assert moved.moved == {"8.3"}
     assert np.linalg.norm(moved.places["8.3"] - marked.places["8.3"]) > 0.1
+    # It is on the surface exactly under the place where it was dropped.
+    assert moved.pixels["8.3"] == pytest.approx(pixel + np.array([12.0, 6.0]) / factor, abs=1e-3)
     given = moved.with_landmarks().landmarks
     assert given is not None
     assert list(given.features) == ["8.3"]
