@@ -47,17 +47,29 @@ def watch_fit(robot: Robot) -> None:
     state = robot.app.features[PhotoHeadFeature]
     shares: list[float] = []
     stages: set[str] = set()
-    pictures: set[int] = set()
+    pictures: list[object] = [None]
     while (job := state.job) is not None:
         robot.frames(1)
         shares.append(job.share)
         stages.add(job.stage)
-        pictures.add(id(state.preview))
+        if state.preview is not pictures[-1]:
+            pictures.append(state.preview)
         time.sleep(0.01)
     assert shares == sorted(shares)
     assert shares[-1] > 0.9
     assert {"Fitting the head to colours", "Taking the colours of the photos"} <= stages
     assert len(pictures) > 2
+
+
+def weigh_likeness(robot: Robot) -> None:
+    """Move the slider between likeness and likelihood to both ends, and reset it."""
+    state = robot.app.features[PhotoHeadFeature]
+    left, top, right, bottom = robot.app.widget_rects["photo-head:likelihood"]
+    for end, weight in ((left + 3.0, 0.25), (right - 3.0, 4.0)):
+        robot.click((end, 0.5 * (top + bottom)))
+        assert state.likelihood == pytest.approx(weight, rel=0.02)
+    robot.click_widget("photo-head:likelihood:reset")
+    assert state.likelihood == 1.0
 
 
 def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow, photo: Path) -> None:
@@ -84,6 +96,8 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     shift = moved.with_landmarks().face.landmarks.points - before.found.face.landmarks.points
     near = np.linalg.norm(shift[:, :2], axis=1)
     assert near.max() > 5.0 * np.median(near)
+
+    weigh_likeness(robot)
 
     robot.click_widget("photo-head:fit")
     watch_fit(robot)
@@ -130,6 +144,16 @@ def test_photos_without_a_face_are_refused(open_window: OpenWindow, tmp_path: Pa
     assert "No face was found" in state.error
 
 
+def test_every_dialog_begins_with_the_same_options(open_window: OpenWindow) -> None:
+    robot = open_window("low", (1000, 800), pictures=False)
+    state = robot.app.features[PhotoHeadFeature]
+    state.likelihood, state.painting = 2.0, True
+    robot.app.actions["photo-head"].run()
+    robot.frames(2)
+    assert state.open
+    assert (state.likelihood, state.painting) == (1.0, False)
+
+
 def test_an_expression_is_taken_in_one_click(open_window: OpenWindow, photo: Path) -> None:
     robot = open_window("man", (1000, 800), pictures=False)
     photos = robot.app.features[PhotoFeature]
@@ -172,5 +196,5 @@ def test_photos_stand_together_in_the_menu_view(open_window: OpenWindow) -> None
     entries = open_window("low", (680, 540), pictures=False).app.actions.in_menu("View")
     names = [entry.name for entry in entries]
     first = names.index("photo-look")
-    assert names[first : first + 3] == ["photo-look", "photo-shown", "photo-put-back"]
-    assert [entry.separated for entry in entries if entry.name.startswith("photo-")] == [True, False, False]
+    assert names[first : first + 4] == ["photo-look", "photo-shown", "photo-put-back", "photo-wipe"]
+    assert [entry.separated for entry in entries if entry.name.startswith("photo-")] == [True, False, False, False]

@@ -11,7 +11,7 @@ from faceposer.identity.photos.face_places import FacePlaces, LandmarkErrors
 from faceposer.identity.photos.head_basis import HeadBasis
 from faceposer.identity.photos.head_from_photos import check_turns, turn_of
 from faceposer.identity.photos.landmark_fit import PhotoFace, fit_landmarks
-from faceposer.identity.photos.terms import LandmarkTerm, upright
+from faceposer.identity.photos.terms import LandmarkTerm, Priors, upright
 from faceposer.identity.photos.unknowns import FitState, Layout, NormalEquations, ViewState
 from faceposer.landmarks.points import N_POINTS, Landmarks
 
@@ -61,6 +61,33 @@ def test_the_slope_of_the_robust_cost_matches_finite_differences(
         ahead, behind = state.moved(equations.layout, step), state.moved(equations.layout, -step)
         slope = (term.cost(ahead, ahead.views[0]) - term.cost(behind, behind.views[0])) / 2e-5
         assert equations.slope[number] == pytest.approx(slope, rel=1e-3, abs=1e-2)
+
+
+@pytest.mark.parametrize("strength", [0.25, 1.0, 4.0])
+def test_the_slope_of_the_priors_matches_finite_differences(
+    basis: HeadBasis, face_camera: FaceCamera, strength: float
+) -> None:
+    rng = np.random.default_rng(3)
+    view = ViewState(0.1 * rng.standard_normal(basis.model.n_coefficients), face_camera, rng.standard_normal(3))
+    state = FitState(rng.standard_normal(basis.n_identity), rng.standard_normal(5), (view,))
+    priors = Priors(basis.prior, ((face_camera.log_focal + 0.1, 0.3),), strength)
+    equations = NormalEquations(Layout.of(state))
+    priors.add(state, equations)
+    for number in range(0, equations.layout.size, 9):
+        step = 1e-5 * np.eye(equations.layout.size)[number]
+        ahead, behind = (priors.cost(state.moved(equations.layout, way * step)) for way in (1.0, -1.0))
+        assert equations.slope[number] == pytest.approx((ahead - behind) / 2e-5, abs=1e-4, rel=1e-4)
+
+
+def test_likeness_relaxes_the_broad_modes_and_likelihood_holds_all(basis: HeadBasis) -> None:
+    like, usual, likely = (Priors(basis.prior, (), strength) for strength in (0.25, 1.0, 4.0))
+    weights = like.shape_weights(100)
+    assert weights[0] == pytest.approx(0.25)
+    assert np.all(np.diff(weights) > 0.0)
+    assert weights[-1] > 0.85
+    np.testing.assert_array_equal(usual.shape_weights(100), 1.0)
+    np.testing.assert_array_equal(likely.shape_weights(100), 4.0)
+    assert (like.texture_weight, usual.texture_weight, likely.texture_weight) == (1.0, 1.0, 4.0)
 
 
 @pytest.mark.parametrize("n_photos", [1, 2])

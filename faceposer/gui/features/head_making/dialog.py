@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Width and greatest height of the form, and width of its labels, in font sizes.
 _WIDTH, _TALLEST, _LABEL = 44.0, 24.0, 7.0
 # Share of the operating system's window that pages with a picture take, and width of the column beside it.
-_LARGE, _COLUMN = 0.96, 17.0
+_LARGE, _COLUMN = 0.96, 20.0
 # Height of the window in font sizes below which no room is reserved for an error.
 _LOWEST = 20.0
 _BUTTONS = {
@@ -138,6 +138,8 @@ class HeadDialog:
             tooltip(f"Remove this {words.noun}")
             imgui.same_line()
             imgui.text_unformatted(displayed(Path(path).name))
+            # Recorded so that tooltips of other rows do not cover it.
+            rects.record(f"{prefix}:{i}:name")
             tooltip(path)
         row_label("" if head.files else label, width=_LABEL)
         if imgui.button("Add..."):
