@@ -58,6 +58,8 @@ class HeadDialog:
         self._head = head
         self.landmarks = LandmarkPage(head.context, self._prefix)
         self.compared = ResultPage(head.context, self._prefix)
+        # Height of the form in pixels, which stays while landmarks are looked for.
+        self._height = 0.0
 
     @property
     def _prefix(self) -> str:
@@ -79,7 +81,10 @@ class HeadDialog:
         head = self._head
         large = head.page in _TITLES or head.page == "result"
         view = imgui.get_main_viewport().size
-        sizes = (_LARGE * view.x / em(), _LARGE * view.y / em(), _LARGE * view.y) if large else (_WIDTH, _TALLEST, 0.0)
+        least = self._height if head.page == "finding" else 0.0
+        sizes = (
+            (_LARGE * view.x / em(), _LARGE * view.y / em(), _LARGE * view.y) if large else (_WIDTH, _TALLEST, least)
+        )
         with modal(f"##{self._prefix}", *sizes) as shown:
             if not shown:
                 draw_above()
@@ -90,6 +95,7 @@ class HeadDialog:
                 self._draw_large()
             else:
                 self._draw_form()
+                self._height = imgui.get_window_height()
             if not head.open:
                 imgui.close_current_popup()
             draw_above()
