@@ -4,7 +4,7 @@ Over the forehead, a photo shows hair, or a hat, a bald head or what is behind t
 family, and hair has about one colour: what else is seen there tells nothing of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ _RANGE = (0.04, 0.8)
 
 
 def hair_colour_of(
-    photos: Sequence[LitPhoto], layer: tuple[Array, Array], skin: Array, basis: HeadBasis
+    photos: Iterable[LitPhoto], layer: tuple[Array, Array], skin: Array, basis: HeadBasis
 ) -> Colour | None:
     """Return the colour of hairs with which a layer looks like the hair in ``photos``, or None if they do not show it.
 

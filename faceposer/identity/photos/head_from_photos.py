@@ -1,7 +1,7 @@
 """A head from photos of one person: identity, texture, character; pose, camera and light of each photo."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.face_texels import SIDE
+from faceposer.identity.photos.fit_so_far import FitSoFar, Watch, unwatched
 from faceposer.identity.photos.hair_colour import hair_colour_of
 from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
 from faceposer.identity.photos.iris_colour import eye_colour_of, whites_of
@@ -27,6 +28,7 @@ from faceposer.identity.photos.painted_light import painted_light
 from faceposer.identity.photos.photo_texture import Zones, seen_skin
 from faceposer.identity.photos.skin_light import SkinLight
 from faceposer.identity.photos.skin_samples import shipped_samples
+from faceposer.identity.photos.unknowns import ViewState
 from faceposer.identity.photos.unlit_colours import LitPhoto
 from faceposer.identity.skin_layers import Colour, SkinLayers
 from faceposer.identity.texture_model import LIMIT, load_texture_model
@@ -42,6 +44,14 @@ MOST_YAW = 1.05
 # Height of the face, in pixels, in the crop from which the texture is taken.
 _TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
+# Shares of the work at which its stages begin and end.
+_STAGES = {
+    "prepare": (0.02, 0.14),
+    "landmarks": (0.14, 0.2),
+    "colours": (0.2, 0.5),
+    "character": (0.5, 0.6),
+    "skin": (0.6, 1.0),
+}
 #: Weight of the density of heads for paintings, whose features are a painter's.
 PAINTED = 2.0
 # Style and density of brows that photos do not show.
@@ -88,6 +98,7 @@ def head_from_photos(
     painting: bool = False,
     settings: DenseSettings | None = None,
     progress: Progress | None = None,
+    watch: Watch = unwatched,
 ) -> HeadFromPhotos:
     """Return the head of the person whom photos show.
 
@@ -103,32 +114,44 @@ def head_from_photos(
             their own, and the skin keeps the painter's colours, light and all that is not a slope of brightness.
         settings: Settings of the refinement.
         progress: Progress to update.
+        watch: Called with the fit after each step.
 
     Raises:
-        FacePoserError: If a face is seen from the side.
+        FacePoserError: If a face is turned too far.
+        CancelledError: If the user has cancelled the work.
     """
     begun = time.perf_counter()
     progress = progress or Progress()
-    progress.at("Preparing the model of heads")
+    progress.at("Preparing the model of heads", _STAGES["prepare"][0])
     basis, places = head_basis(), load_face_places()
     crops = [FaceCrop.of(face, image) for face, image in zip(faces, images, strict=True)]
     strength = likelihood * (PAINTED if painting else 1.0)
-    fit = fit_landmarks([crop.face for crop in crops], basis, places, strength, progress)
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, strength, progress.part(*_STAGES["landmarks"]))
     check_turns(fit, names)
+    n_segments = len(basis.editor.segment_names)
+    watch(FitSoFar(basis, np.tile(fit.state.shape, (n_segments, 1)), fit.state.views, crops))
     found: DenseFit | None = None
     if dense:
         if painting:
             settings = replace(settings or DenseSettings(), segment_steps=0)
-        found = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings).fit(progress)
-    rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
+        fitter = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings)
+        found = fitter.fit(
+            progress.part(*_STAGES["colours"]),
+            lambda state: watch(FitSoFar(basis, fitter.rows(state), state.views, crops)),
+        )
+    rows = np.tile(fit.state.shape, (n_segments, 1)) if found is None else found.rows
     identity = Identity.of(rows)
     line = None if found is None or painting else found.state.texture
     lamps = () if found is None or painting else found.lamps
     if dense:
         identity = replace(identity, texture=_skin_texture(line, basis, identity, eye_colour_of(crops, lamps)))
-    progress.at("Making the character")
+    making = progress.part(*_STAGES["character"])
+    making.at("Making the character")
     model = build_face_model(_named(basis.editor.with_head(identity), basis.editor.model, name, title, len(faces)))
+    making.at("Making the character", 0.5)
     views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
+    seen = [ViewState(pose, camera, np.zeros(0)) for pose, camera in views]
+    watch(FitSoFar(basis, rows, seen, crops, model))
     lights: tuple[Array, ...] = () if found is None else found.lights
     if dense and painting:
         lights = tuple(
@@ -136,13 +159,17 @@ def head_from_photos(
             for crop, (pose, camera) in zip(crops, views, strict=True)
         )
     if identity.texture is not None:
-        progress.at("Taking the colours of the photos")
-        lit = [
-            _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light, lamp)
-            for crop, face, image, (pose, camera), light, lamp in zip(
-                crops, faces, images, views, lights, lamps or (None,) * len(crops), strict=True
-            )
-        ]
+        taking = progress.part(*_STAGES["skin"])
+        taking.at("Taking the colours of the photos")
+
+        def lit() -> Iterator[LitPhoto]:
+            # One at a time: they are large.
+            for number, (crop, (pose, camera)) in enumerate(zip(crops, views, strict=True)):
+                taking.at("Taking the colours of the photos", (number + 0.5) / (len(crops) + 1))
+                vertices = model.surface(pose).astype(np.float64)
+                lamp = lamps[number] if lamps else None
+                yield _lit_photo(crop, faces[number], images[number], camera, vertices, lights[number], lamp)
+
         textures = dict(model.character.textures)
         texture, textures["skin"] = _skin_of(identity.texture, lit, basis, places, painting)
         identity = replace(identity, texture=texture)
@@ -156,13 +183,13 @@ def head_from_photos(
 
 
 def check_turns(fit: LandmarkFit, names: Sequence[str]) -> None:
-    """Raise FacePoserError if a face is seen from the side, where its points are guesses."""
+    """Raise FacePoserError if a face is turned too far to a side, where its points are guesses."""
     for view, photo in zip(fit.state.views, names, strict=True):
         yaw = turn_of(view.camera.rotation)
         if abs(yaw) > MOST_YAW:
             raise FacePoserError(
-                f"The face in '{photo}' is turned by {np.degrees(abs(yaw)):.0f} degrees, and at most "
-                f"{np.degrees(MOST_YAW):.0f} can be used; use a photo more from the front."
+                f"The face in '{photo}' is turned by more than {np.degrees(MOST_YAW):.0f} degrees (about "
+                f"{np.degrees(abs(yaw)):.0f}); use a photo more from the front."
             )
 
 
@@ -220,7 +247,11 @@ def _lit_photo(
 
 
 def _skin_of(
-    texture: SkinTexture, photos: Sequence[LitPhoto], basis: HeadBasis, places: FacePlaces, painting: bool
+    texture: SkinTexture,
+    photos: Callable[[], Iterator[LitPhoto]],
+    basis: HeadBasis,
+    places: FacePlaces,
+    painting: bool,
 ) -> tuple[SkinTexture, bytes]:
     """Return the texture with the layers that photos leave, and its encoded image with what they show."""
     model, style = load_texture_model(), texture.layers.hair
@@ -228,12 +259,12 @@ def _skin_of(
     samples = shipped_samples(basis, places)
     modes = samples.colours[: model.n_coefficients].mean(axis=1)
     skin = np.exp(samples.colour.mean(axis=0) + np.array(texture.coefficients) @ modes)
-    hair = hair_colour_of(photos, model.layer(f"hair.{style}", SIDE), skin, basis)
+    hair = hair_colour_of(photos(), model.layer(f"hair.{style}", SIDE), skin, basis)
     if hair is not None:
         texture = replace(texture, layers=replace(texture.layers, hair_colour=hair))
     # The brows are those of the photos, if they show them.
     under = textures_of(replace(texture, layers=replace(texture.layers, brows="none")))["skin"]
-    seen = seen_skin(photos, under, basis, places, zones, _TOLERANCE if painting else 1.0, painting)
+    seen = seen_skin(photos(), under, basis, places, zones, _TOLERANCE if painting else 1.0, painting)
     if seen.brows_lost:
         layers = replace(texture.layers, brows=_LOST_BROWS, brow_colour=seen.brow_colour, brow_strength=_LOST_DENSITY)
         texture, seen = replace(texture, layers=layers), seen.without_brows()

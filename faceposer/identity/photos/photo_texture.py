@@ -7,7 +7,7 @@ is blended with the model's skin band by band (`skin_bands`).
 """
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -143,7 +143,7 @@ class SeenSkin:
 
 
 def photo_texture(
-    photos: Sequence[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces, tolerance: float = 1.0
+    photos: Iterable[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces, tolerance: float = 1.0
 ) -> bytes:
     """Return the encoded texture, JPEG, of a head in ``photos``, over the encoded texture ``under`` of the model.
 
@@ -156,7 +156,7 @@ def photo_texture(
 
 
 def seen_skin(
-    photos: Sequence[LitPhoto],
+    photos: Iterable[LitPhoto],
     under: bytes,
     basis: HeadBasis,
     places: FacePlaces,
