@@ -31,10 +31,16 @@ Array = NDArray[np.float64]
 _GOOD, _CANDIDATES = 5, 40
 # Turn of the head, in radians, that counts as much as an opening of the mouth by this share of the face's height.
 _TURN, _OPENING = 0.25, 0.12
+# Least distance of these frames from each other in this measure.
+_DISTINCT = 0.2
 # Standard deviation of the logarithm of the focal length once it is known from all good frames.
 _SHARED_FOCAL = 0.02
+# Correlation of the expressions in two of these frames.
+_ALIKE = 0.9
 # Standard deviation of landmarks, in centimetres, apart from their constant errors: alone, and beside colours.
 _DEVIATION, _BESIDE_COLOURS = 0.45, 0.7
+# Weight of the density of expressions where constant errors are looked for.
+_WEAK = 0.1
 # Points on the lips, and on top of the face and the chin, whose distances tell an open mouth.
 _LIPS, _BROW_CHIN = (13, 14), (10, 152)
 
@@ -98,11 +104,11 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
     faces = [track.faces[at[number]] for number in good]
     focal = focal_in_pixels(LIKELY_FOCAL_MM, track.size)
     photos = [PhotoFace(face, track.size, focal, FOCAL_SPREAD) for face in faces if face is not None]
-    first = fit_landmarks(photos, basis, places, 1.0, progress)
+    first = fit_landmarks(photos, basis, places, 1.0, progress, _ALIKE)
     shared = float(np.median([view.camera.log_focal for view in first.state.views]))
     photos = [replace(photo, focal=math.exp(shared), focal_spread=_SHARED_FOCAL) for photo in photos]
     crops = [FaceCrop.of(photo, images[number]) for photo, number in zip(photos, good, strict=True)]
-    fit = fit_landmarks([crop.face for crop in crops], basis, places, 1.0, progress)
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, 1.0, progress, _ALIKE)
     samples = shipped_samples(basis, places) if colours else None
     rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1))
     texture = None
@@ -148,7 +154,7 @@ def _good_frames(film: Film, track: Track, basis: HeadBasis, places: FacePlaces)
         # Neither the strongest turn nor the widest mouth is best seen.
         apart = np.where(turned[usable] < 0.7 * MOST_YAW, apart, 0.0)
         best = int(usable[np.argmax(apart)])
-        if best in picked:
+        if best in picked or apart.max() < _DISTINCT:
             break
         picked.append(best)
     return [int(track.numbers[chosen[k]]) for k in picked]
@@ -176,9 +182,11 @@ def _errors_of(
     photos: Sequence[PhotoFace], points: FacePoints, prior: ExpressionPrior, places: FacePlaces, deviation: float
 ) -> LandmarkErrors:
     """Return the errors of the landmarks: the networks err alike in all frames of a face, but for a ``deviation``."""
+    # What the prior takes from an expression is no error of the networks.
+    weak = replace(prior, precision=_WEAK * prior.precision)
     shifts = []
     for photo in photos:
-        fit = fit_points([photo], points, prior, places)
+        fit = fit_points([photo], points, weak, places)
         view = fit.state.views[0]
         off = photo.landmarks.points[:N_POINTS, :2] - view.camera.project(points.at(np.zeros(0), view.pose))[:N_POINTS]
         shifts.append(off @ upright(photo.landmarks) / math.exp(view.camera.log_scale))
