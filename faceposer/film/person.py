@@ -14,7 +14,7 @@ from faceposer.identity.identity import Identity
 from faceposer.identity.photos.dense_fit import DenseFitter, DenseSettings
 from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
-from faceposer.identity.photos.face_places import FacePlaces, LandmarkErrors, load_face_places
+from faceposer.identity.photos.face_places import INNER_LIPS, LIDS, FacePlaces, LandmarkErrors, load_face_places
 from faceposer.identity.photos.head_basis import ExpressionPrior, FacePoints, HeadBasis, head_basis
 from faceposer.identity.photos.head_from_photos import MOST_YAW, turn_of
 from faceposer.identity.photos.landmark_fit import PhotoFace, first_camera, fit_landmarks, fit_points
@@ -39,6 +39,8 @@ _SHARED_FOCAL = 0.02
 _ALIKE = 0.9
 # Standard deviation of landmarks, in centimetres, apart from their constant errors: alone, and beside colours.
 _DEVIATION, _BESIDE_COLOURS = 0.45, 0.7
+# Those of the lids and of the inner edge of the lips, at most: they move by less than others err.
+_LIDS, _INNER_LIPS = 0.2, 0.4
 # Weight of the density of expressions where constant errors are looked for.
 _WEAK = 0.1
 # Points on the lips, and on top of the face and the chin, whose distances tell an open mouth.
@@ -192,4 +194,7 @@ def _errors_of(
         shifts.append(off @ upright(photo.landmarks) / math.exp(view.camera.log_scale))
     # A landmark is the place on the face plus its error; `LandmarkErrors` are added to the places.
     mean = np.median(shifts, axis=0) * len(shifts) / (len(shifts) + 1.0)
-    return replace(LandmarkErrors.plain(deviation), mean=mean)
+    deviations = LandmarkErrors.plain(deviation).deviations
+    deviations[list(LIDS)] = _LIDS
+    deviations[list(INNER_LIPS)] = min(deviation, _INNER_LIPS)
+    return LandmarkErrors(mean, np.zeros((0, *mean.shape)), deviations)
