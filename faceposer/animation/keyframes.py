@@ -15,6 +15,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
 from faceposer.sketch.inbetweens import Inbetweens, PointSpline, point_faces
 from faceposer.solve.constraints.codec import Coordinate, ShapeWeights, weights_to_json
 
@@ -236,12 +237,21 @@ class Keyframes:
         keys = tuple(Key.of(frame, pose) for frame, pose in enumerate(performance.coefficients))
         return cls(keys, min(performance.rate, FASTEST), len(performance), loop)
 
-    def reduced(self, model: FaceModel, tolerance: float) -> "Keyframes":
+    def reduced(self, model: FaceModel, tolerance: float | Array, progress: Progress | None = None) -> "Keyframes":
         """Return the animation with only the keys needed to approximate all rig weights within ``tolerance``.
 
         Greedy: between the kept keys, the one with the largest error is added until no error exceeds the tolerance (as
         in D. H. Douglas and T. K. Peucker, 1973, for polygons).
+
+        Args:
+            model: Model of the face.
+            tolerance: Largest error of a rig weight, or that of each, shape (S,).
+            progress: Checked for cancellation.
+
+        Raises:
+            CancelledError: If the progress was cancelled.
         """
+        progress = progress or Progress()
         if len(self.keys) < 3:
             return self
         poses = np.stack([key.pose for key in self.keys])
@@ -250,11 +260,14 @@ class Keyframes:
         kept[[0, -1]] = True
         while True:
             fewer = replace(self, keys=tuple(key for key, keep in zip(self.keys, kept, strict=True) if keep))
-            errors = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T).max(axis=1)
+            progress.check()
+            off = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T)
+            # Relative to what is tolerated.
+            errors = (off / tolerance).max(axis=1)
             errors[kept] = 0.0
             ends = np.flatnonzero(kept)
             worst = [a + int(np.argmax(errors[a:b])) for a, b in itertools.pairwise(ends)]
-            added = [i for i in worst if errors[i] > tolerance]
+            added = [i for i in worst if errors[i] > 1.0]
             if not added:
                 return fewer
             kept[added] = True

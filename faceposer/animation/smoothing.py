@@ -133,7 +133,9 @@ class _Smoothness:
         """Return the gradient with respect to the poses, shape (F, r)."""
         changes = self._changes(x)
         weights = self._weights(changes)
-        slopes = sum(weight[:, None] * (changes @ metric) for weight, metric in zip(weights, self._metrics, strict=True))
+        slopes = sum(
+            weight[:, None] * (changes @ metric) for weight, metric in zip(weights, self._metrics, strict=True)
+        )
         gradient: Array = 2.0 * (self._steps.T @ slopes)
         return gradient
 

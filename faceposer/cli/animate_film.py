@@ -62,7 +62,7 @@ def animate_by_film(options: argparse.Namespace) -> int:
         write_json(options.report, report, "report")
         print(f"{options.report} written")
     if options.session is not None:
-        write_session(options.session, options.character, found.performance)
+        write_session(options.session, options.character, found.performance, found.tolerances)
     return 0
 
 

@@ -29,6 +29,7 @@ _USUAL_RATE = 30.0
 _SMOOTHNESS, _SUDDEN = 3.0, 0.3
 # How many times the usual number of steps the first frame takes, which has none before it.
 _FIRST_STEPS = 3
+_MEDIAN_TO_DEVIATION = 1.48
 # Precision of the place of a head that is not seen, relative to its usual changes.
 _UNSEEN = 1e-3
 
@@ -44,6 +45,8 @@ class FollowedHead:
         placing: The cameras that they stand for.
         seen: Mask of the frames in which the face was seen, shape (F,).
         misses: Mean distance of the landmarks from the face in pixels, NaN where it was not seen, shape (F,).
+        noise: Standard deviation by which the weights of the person's shapes in single frames differ from the smooth
+            ones, shape (S,).
     """
 
     first: int
@@ -52,6 +55,7 @@ class FollowedHead:
     placing: Placing
     seen: NDArray[np.bool_]
     misses: Array
+    noise: Array
 
 
 def follow_head(
@@ -131,9 +135,11 @@ def follow_head(
             f"The face in '{film.path}' is turned by more than {np.degrees(MOST_YAW):.0f} degrees in all frames; use a "
             "film in which it is seen more from the front."
         )
-    progress.at("Smoothing all frames")
+    progress.at("Smoothing all frames", 1.0)
     smooth = _smoothed(unknowns, seen, energies, person, smoothness, film.rate, progress)
-    return FollowedHead(first, smooth[:, :r], smooth[:, r:], placing, seen, misses)
+    off = np.abs((unknowns[seen, :r] - smooth[seen, :r]) @ person.model.subspace.directions.T)
+    noise = _MEDIAN_TO_DEVIATION * np.median(off, axis=0)
+    return FollowedHead(first, smooth[:, :r], smooth[:, r:], placing, seen, misses, noise)
 
 
 def _smoothed(

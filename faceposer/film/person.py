@@ -98,6 +98,7 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
     progress.at("Fitting the head")
     images = {}
     for frame in film.frames(span, max(track.size)):
+        progress.check()
         if frame.number in good:
             images[frame.number] = frame.pixels
         if len(images) == len(good):
@@ -106,23 +107,24 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
     faces = [track.faces[at[number]] for number in good]
     focal = focal_in_pixels(LIKELY_FOCAL_MM, track.size)
     photos = [PhotoFace(face, track.size, focal, FOCAL_SPREAD) for face in faces if face is not None]
-    first = fit_landmarks(photos, basis, places, 1.0, progress, _ALIKE)
+    first = fit_landmarks(photos, basis, places, 1.0, progress.part(0.0, 0.1), _ALIKE)
     shared = float(np.median([view.camera.log_focal for view in first.state.views]))
     photos = [replace(photo, focal=math.exp(shared), focal_spread=_SHARED_FOCAL) for photo in photos]
     crops = [FaceCrop.of(photo, images[number]) for photo, number in zip(photos, good, strict=True)]
-    fit = fit_landmarks([crop.face for crop in crops], basis, places, 1.0, progress, _ALIKE)
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, 1.0, progress.part(0.1, 0.2), _ALIKE)
     samples = shipped_samples(basis, places) if colours else None
     rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1))
     texture = None
     if samples is not None:
-        dense = DenseFitter(crops, fit, basis, samples, DenseSettings(segment_steps=0)).fit(progress)
+        dense = DenseFitter(crops, fit, basis, samples, DenseSettings(segment_steps=0)).fit(progress.part(0.2, 0.9))
         rows = dense.rows
         texture = dense.state.texture if dense.refined else None
+    progress.at("Preparing the head", 0.9)
     model = build_face_model(basis.editor.with_head(Identity.of(rows)))
     points = basis.landmarks_of(model, places)
     prior = ExpressionPrior.of(model)
     skin = None if samples is None or texture is None else _skin_of(samples, model, texture)
-    errors = _errors_of(photos, points, prior, places, _DEVIATION if skin is None else _BESIDE_COLOURS)
+    errors = _errors_of(photos, points, prior, places, _DEVIATION if skin is None else _BESIDE_COLOURS, progress)
     middle = fit.state.views[0].camera.middle
     return Person(model, points, prior, skin, errors, shared, middle, tuple(good))
 
@@ -181,13 +183,19 @@ def _skin_of(samples: SkinSamples, model: FaceModel, texture: Array) -> SkinSamp
 
 
 def _errors_of(
-    photos: Sequence[PhotoFace], points: FacePoints, prior: ExpressionPrior, places: FacePlaces, deviation: float
+    photos: Sequence[PhotoFace],
+    points: FacePoints,
+    prior: ExpressionPrior,
+    places: FacePlaces,
+    deviation: float,
+    progress: Progress,
 ) -> LandmarkErrors:
     """Return the errors of the landmarks: the networks err alike in all frames of a face, but for a ``deviation``."""
     # What the prior takes from an expression is no error of the networks.
     weak = replace(prior, precision=_WEAK * prior.precision)
     shifts = []
     for photo in photos:
+        progress.check()
         fit = fit_points([photo], points, weak, places)
         view = fit.state.views[0]
         off = photo.landmarks.points[:N_POINTS, :2] - view.camera.project(points.at(np.zeros(0), view.pose))[:N_POINTS]

@@ -155,7 +155,7 @@ class Priors:
         places = [layout.view(number).pose for number in range(len(state.views))]
         pose = np.concatenate([view.pose for view in state.views])
         # Kronecker's product of the correlations between photos and within an expression.
-        precision = np.kron(self._between(), self.expression.precision)
+        precision = np.asarray(np.kron(self._between(), self.expression.precision), dtype=np.float64)
         equations.add_products(precision, precision @ pose, places)
         for number, (view, (expected, spread)) in enumerate(zip(state.views, self.log_focals, strict=True)):
             at = layout.view(number)
