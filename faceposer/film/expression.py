@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 _SHOWN = 4
 # Number of standard deviations of single frames by which keys may miss the smooth weights, and the most that is missed.
-_SURE, _MOST_TOLERANCE = 3.0, 0.06
+_SURE, _MOST_TOLERANCE = 5.0, 0.06
 # Usual times in seconds: of finding the face in a frame, and by landmarks alone or with colours, of making the head and
 # of following a frame. Number of frames where it is not known.
 _FINDING, _KNOWING, _FOLLOWING, _USUAL_FRAMES = 0.045, (1.5, 8.0), (0.015, 0.2), 300

@@ -11,7 +11,7 @@ from faceposer.identity.photos.face_places import FacePlaces, LandmarkErrors
 from faceposer.identity.photos.head_basis import HeadBasis
 from faceposer.identity.photos.head_from_photos import check_turns, turn_of
 from faceposer.identity.photos.landmark_fit import PhotoFace, fit_landmarks
-from faceposer.identity.photos.terms import LandmarkTerm, upright
+from faceposer.identity.photos.terms import LandmarkTerm, Priors, upright
 from faceposer.identity.photos.unknowns import FitState, Layout, NormalEquations, ViewState
 from faceposer.landmarks.points import N_POINTS, Landmarks
 
@@ -61,6 +61,34 @@ def test_the_slope_of_the_robust_cost_matches_finite_differences(
         ahead, behind = state.moved(equations.layout, step), state.moved(equations.layout, -step)
         slope = (term.cost(ahead, ahead.views[0]) - term.cost(behind, behind.views[0])) / 2e-5
         assert equations.slope[number] == pytest.approx(slope, rel=1e-3, abs=1e-2)
+
+
+def test_the_slope_of_priors_of_photos_that_are_alike_matches_finite_differences(
+    basis: HeadBasis, face_camera: FaceCamera
+) -> None:
+    rng = np.random.default_rng(2)
+    r = basis.model.n_coefficients
+    views = tuple(ViewState(0.3 * rng.standard_normal(r), face_camera, np.zeros(0)) for _ in range(3))
+    state = FitState(np.zeros(basis.n_identity), np.zeros(0), views)
+    priors = Priors(basis.prior, ((6.5, 0.3),) * 3, 1.0, 0.9)
+    equations = NormalEquations(Layout.of(state))
+    priors.add(state, equations)
+    for number in (100, 116, 170, 240):
+        step = 1e-5 * np.eye(equations.layout.size)[number]
+        ahead, behind = (priors.cost(state.moved(equations.layout, way)) for way in (step, -step))
+        assert equations.slope[number] == pytest.approx((ahead - behind) / 2e-5, rel=1e-3, abs=1e-2)
+
+
+def test_an_expression_of_photos_that_are_alike_counts_about_once(basis: HeadBasis, face_camera: FaceCamera) -> None:
+    smile = basis.model.coefficients_of({"mouthSmileLeft": 0.6, "mouthSmileRight": 0.6})
+
+    def cost(count: int, alike: float) -> float:
+        views = (ViewState(smile, face_camera, np.zeros(0)),) * count
+        priors = Priors(basis.prior, ((face_camera.log_focal, 0.3),) * count, 1.0, alike)
+        return priors.cost(FitState(np.zeros(basis.n_identity), np.zeros(0), views))
+
+    assert cost(5, 0.0) == pytest.approx(5.0 * cost(1, 0.0))
+    assert cost(5, 0.9) < 1.2 * cost(1, 0.0)
 
 
 @pytest.mark.parametrize("n_photos", [1, 2])
