@@ -50,7 +50,7 @@ setup_environment() {
 
 setup_libraries() {
     local python=$1 pip_wheel options=(--quiet --disable-pip-version-check)
-    setup_say "setting up the Python environment in .venv (once; this downloads about 100 MB)"
+    setup_say "setting up the Python environment in .venv (once; this downloads up to 200 MB)"
     # Its programs contain the path of the environment, which must therefore be recreated if the checkout has moved.
     if ! { grep -qF "$PWD/.venv" .venv/bin/activate && .venv/bin/python -m pip --version; } >/dev/null 2>&1; then
         if "$python" -c 'import ensurepip' 2>/dev/null; then

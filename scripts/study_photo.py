@@ -4,6 +4,8 @@ Run from the root of a checkout::
 
     python -m scripts.study_photo --json F.json --n 50 --views 1 3
     python -m scripts.study_photo --json F.json --n 10 --first 3000 --views 1 --lights other
+    python -m scripts.study_photo --json F.json --n 10 --first 4000 --views 1 --lights other --paintings
+    python -m scripts.study_photo --json F.json --n 6 --first 2000 --views 1 --likelihood 0.25
     python -m scripts.study_photo --json F.json --n 0 --scan shared/scans/perry_smith.obj
 """
 
@@ -35,8 +37,11 @@ def main() -> None:
     parser.add_argument(
         "--lights", choices=("phong", "other"), default="phong", help="light as of the fit, or lamps and sky"
     )
+    parser.add_argument("--likelihood", type=float, default=1.0, help="weight of the density of heads")
+    parser.add_argument("--paintings", action="store_true", help="make paintings of the photos, and fit them as such")
     options = parser.parse_args()
-    study, trials = Study(options.lights == "other"), [trial for path in options.add for trial in _read(path)]
+    study = Study(options.lights == "other", options.paintings, options.likelihood)
+    trials = [trial for path in options.add for trial in _read(path)]
     if options.scan:
         scan = ScanStudy(study, options.scan)
         for number in range(options.scan_photos):

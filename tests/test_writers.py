@@ -82,6 +82,7 @@ _MODULES = {
     "render/images.py": "images",
     "session/document.py": "checked here",
     "session/key_compositions.py": "poses, by poses/pose_file.py; meshes, checked as by geometry/obj_io.py",
+    "session/key_edits.py": "poses, by poses/pose_file.py",
     "session/key_folder.py": "poses, by poses/pose_file.py",
     "session/session.py": "sessions, by session/saved_state.py",
     "training/summary.py": "plots; JSON by files/writing.py",

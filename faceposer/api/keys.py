@@ -8,7 +8,7 @@ from faceposer.api import checks
 from faceposer.files.atomic import check_sequence_folder
 from faceposer.model.performance import Performance
 from faceposer.session.key_compositions import Composition, compose_keys, folder_importance
-from faceposer.session.key_edits import add_key, choose_keys
+from faceposer.session.key_edits import add_key, choose_keys, rename_key
 from faceposer.session.key_folder import SIDES, KeyFolder, Side
 from faceposer.session.key_proposals import Proposal, create_keys
 from faceposer.session.keys import load_keys
@@ -69,6 +69,10 @@ class KeyPoses:
     def remove(self, name: str) -> None:
         """Delete the files of the key with this name."""
         self._files().remove(checks.text(name, "The name of a key"))
+
+    def rename(self, name: str, new: str) -> str:
+        """Rename a key, its files and the poses in them, and return the new name of its files."""
+        return rename_key(self._files(), *(checks.text(each, "The name of a key") for each in (name, new)))
 
     def choose(self, take: PathName, count: int) -> list[str]:
         """Add the frames of an animation, a file of weights, that help most, and return the names of the new keys."""

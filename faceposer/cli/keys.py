@@ -31,6 +31,12 @@ def add_parser(commands: Any) -> None:
     remove = actions.add_parser("remove", help="remove a pair", description="Remove a pair of key poses.")
     remove.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
     remove.add_argument("name", metavar="NAME", help="name of the key")
+    rename = actions.add_parser(
+        "rename", help="rename a pair", description="Rename a pair of key poses, its files and the poses in them."
+    )
+    rename.add_argument("folder", type=Path, metavar="DIR", help="folder of key poses")
+    rename.add_argument("name", metavar="NAME", help="name of the key")
+    rename.add_argument("new", metavar="NEW", help="its new name")
     choose = actions.add_parser(
         "choose",
         help="add the frames of an animation that help most",
@@ -139,6 +145,7 @@ def run(options: argparse.Namespace) -> int:
         "init": _init,
         "add": _add,
         "remove": _remove,
+        "rename": _rename,
         "choose": _choose,
         "compose": _compose,
         "importance": _importance,
@@ -182,7 +189,8 @@ def _pose(path: Path) -> "Pose":
 
 def _add(options: argparse.Namespace) -> int:
     from faceposer.session.key_edits import add_key
-    from faceposer.session.key_folder import KeyFolder, KeyTakenError
+    from faceposer.session.key_entries import KeyTakenError
+    from faceposer.session.key_folder import KeyFolder
 
     keys = KeyFolder.read(options.folder)
     try:
@@ -200,6 +208,15 @@ def _remove(options: argparse.Namespace) -> int:
 
     KeyFolder.read(options.folder).remove(options.name)
     print(printable(f"{options.folder}: key '{options.name}' removed"))
+    return 0
+
+
+def _rename(options: argparse.Namespace) -> int:
+    from faceposer.session.key_edits import rename_key
+    from faceposer.session.key_folder import KeyFolder
+
+    name = rename_key(KeyFolder.read(options.folder), options.name, options.new)
+    print(printable(f"{options.folder}: key '{options.name}' renamed to '{name}'"))
     return 0
 
 

@@ -139,27 +139,25 @@ class _Skin:
 
     def __init__(self, corners: Array, radius: float) -> None:
         a, b, c = np.moveaxis(corners, 1, 0)
-        self._edges = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-        self._volume = np.einsum("td,td->t", a, self._edges[0])
+        volume = np.einsum("td,td->t", a, np.cross(b, c))
+        # Turned so that a ray which meets a triangle has three positive shares, on either side of the skin.
+        self._edges = np.sign(volume)[:, None] * np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+        self._volume = np.abs(volume)
         self._near, self._far = _NEAREST * radius, _FARTHEST * radius
-
-    def _intersections(self, directions: Array) -> tuple[Array, Array]:
-        """Return barycentric coordinates, (3, n, T), and distances, (n, T), of n rays on the planes of T triangles."""
-        shares = directions @ self._edges.transpose(0, 2, 1)
-        total = shares.sum(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = self._volume / total
-        return shares / np.where(total == 0.0, np.inf, total), distance
 
     def covering(self, directions: Array) -> NDArray[np.intp]:
         """Return the nearest triangle outside the ball on each ray, or -1, shape (n,)."""
-        shares, distance = self._intersections(directions)
-        meets = (shares >= -1e-9).all(axis=0) & (distance > self._near) & (distance < self._far)
-        distance = np.where(meets, distance, np.inf)
-        nearest = distance.argmin(axis=1)
-        return np.where(meets.any(axis=1), nearest, -1)
+        shares = directions @ self._edges.transpose(0, 2, 1)
+        total = shares.sum(axis=0)
+        # The distance is the volume divided by the total.
+        meets = (total * self._near < self._volume) & (total * self._far > self._volume)
+        meets &= shares.min(axis=0) >= -1e-9 * total
+        rays, triangles = np.nonzero(meets)
+        distance = np.full(total.shape, np.inf)
+        distance[rays, triangles] = self._volume[triangles] / total[rays, triangles]
+        return np.where(meets.any(axis=1), distance.argmin(axis=1), -1)
 
     def barycentric(self, directions: Array, triangles: NDArray[np.intp]) -> Array:
         """Return the barycentric coordinates of each ray on its triangle, shape (n, 3)."""
-        shares, _ = self._intersections(directions)
-        return np.asarray(shares[:, np.arange(len(triangles)), triangles].T)
+        shares = np.einsum("nd,knd->nk", directions, self._edges[:, triangles])
+        return np.asarray(shares / shares.sum(axis=1, keepdims=True))

@@ -38,7 +38,7 @@ _REMEDIES: dict[Kind, str] = {
     "pose": "Poses of the library are in View > Poses",
     "rig": f"Rigs are imported with File > Import character. {_ANIMATION}",
     "mesh": "Posed meshes are opened with File > Open pose, and folders of shapes with File > Import character",
-    "photo": "Photos are opened with File > Open photo",
+    "photo": "Photos are opened with File > Open photo, or dropped onto the window while no dialog is open",
     "drawing": "Drawings (.svg) are opened with File > Open drawing, and strokes of a file by 'faceposer sketch'",
     "folder": "Folders of shapes or expressions are imported with File > Import character",
 }

@@ -5,6 +5,7 @@ about the edited pose determines the directions in which it should move. A mixtu
 coincidences of its performer; covariances between regions are therefore damped (covariance tapering).
 """
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -100,6 +101,7 @@ class LocalMoments:
     so that it does not move if nothing pulls.
 
     Attributes:
+        start: The pose about which the moments are, shape (r,).
         share: Share of the examples that is used: small enough to be specific, large enough to be smooth.
         noise_energy: E0, the energy of constraints caused by the tremor of a hand.
         least_relevance: Least value of G.
@@ -132,10 +134,21 @@ class LocalMoments:
         self._factors, self._usual_factors = (f + wholeness * (1.0 - f) for f in (density.coupling, usual))
         self._along = density.along + wholeness * (np.eye(len(density.along)) - density.along)
         self._wholeness = wholeness
-        moments = np.mean(offsets * offsets, axis=0)
-        self._least_variance = _LEAST_VARIANCE * float(moments.mean()) + 1e-12
-        self._start, self._mirror = start, density.mirror
+        self._mean, self._second_moment = offsets.mean(axis=0), float(np.mean(offsets * offsets))
+        self._least_variance = _LEAST_VARIANCE * self._second_moment + 1e-12
+        self.start, self._mirror = start, density.mirror
         self._projection, self._largest = density.projection, density.largest
+
+    def about(self, start: Array) -> "LocalMoments":
+        """Return the moments about another pose ``start``, shape (r,), in a fraction of the time."""
+        moved = copy(self)
+        change = self._directions @ (start - self.start)
+        moved.start, moved._mean = start, self._mean - change
+        moved._second_moment = self._second_moment + float(np.mean(change * (change - 2.0 * self._mean)))
+        moved._least_variance = _LEAST_VARIANCE * moved._second_moment + 1e-12
+        moved._offsets = self._offsets - change.astype(np.float32)
+        moved._coefficients = self._coefficients - (self._projection @ change).astype(np.float32)[:, None]
+        return moved
 
     def near(self, rows: Array, residual: Array, covered: float = 0.0) -> GaussianMixture:
         """Return one Gaussian, from the examples z with the least |``rows`` z + ``residual``|^2.
@@ -171,10 +184,8 @@ class LocalMoments:
     def _relevance(self, rows: Array, residual: Array, covered: float) -> Array:
         """Return the diagonal of G, shape (W,)."""
         by_weight = rows @ self._projection
-        force, reach = np.abs(residual @ by_weight), np.sqrt(np.einsum("mw,mw->w", by_weight, by_weight))
-        share = (force + reach * np.sqrt(residual @ residual)) / self._largest
         first, last = self.relevance_range
-        t = ((share / max(float(share.max()), 1e-12) - first) / (last - first)).clip(0.0, 1.0)
+        t = ((attribution(by_weight, residual, self._largest) - first) / (last - first)).clip(0.0, 1.0)
         least = 1.0 - (1.0 - self.least_relevance) * (1.0 - self._wholeness) * (1.0 - covered)
         relevance: Array = least + (1.0 - least) * t * t * (3.0 - 2.0 * t)
         return relevance
@@ -226,7 +237,20 @@ class LocalMoments:
         # it solves X root^T = directions^T.
         whitened = dtrsm(1.0, root.T, self._directions.T, side=1).T
         precision = whitened.T @ whitened
-        mean = self._start
+        mean = self.start
         if shift is not None:
             mean = mean + np.linalg.solve(precision, whitened.T @ np.linalg.solve(root, shift))
         return PrecisionGaussian(mean, precision)
+
+
+def attribution(by_weight: Array, residual: Array, largest: Array) -> Array:
+    """Return to what extent constraints mean each weight, relative to the weight that they mean most, shape (W,).
+
+    Args:
+        by_weight: Jacobian of the constraints' residuals with respect to the weights, shape (m, W).
+        residual: The residuals, shape (m,).
+        largest: Largest displacement of any vertex by each weight's shape, shape (W,).
+    """
+    force, reach = np.abs(residual @ by_weight), np.sqrt(np.einsum("mw,mw->w", by_weight, by_weight))
+    share: Array = (force + reach * np.sqrt(residual @ residual)) / largest
+    return share / max(float(share.max()), 1e-12)

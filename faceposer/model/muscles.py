@@ -42,6 +42,31 @@ CO_CONTRACTIONS: tuple[tuple[str, str, float], ...] = (
 #: Shapes limited by another: a shape, the limiting shape, and by how much the first may exceed it. ARKit's mouthClose
 #: brings the lips together over an open jaw; over a closed jaw it would lift the lower lip through the upper.
 DEPENDENT_SHAPES: tuple[tuple[str, str, float], ...] = (("mouthClose", "jawOpen", 0.05),)
+# Muscles that relax when they are pulled against, each with the groups that end along with it on the same side, and at
+# most how much of their weight goes per unit of the muscle. A broad smile parts the lips and raises the cheeks, and
+# lowered brows wrinkle the nose; a wide open jaw, a tongue that is out or a kiss are an artist's own.
+_SUBSIDING: dict[str, dict[str, float]] = {
+    "smile": {
+        "cheek": 1.0,
+        "squint": 1.0,
+        "stretch": 1.0,
+        "upper lip": 1.0,
+        "lower lip": 1.0,
+        "lips": 0.25,
+        "jaw": 0.2,
+        "tongue": 0.15,
+    },
+    "frown": {"stretch": 1.0, "lower lip": 1.0, "lips": 0.25},
+    "stretch": {"lower lip": 1.0},
+    "upper lip": {},
+    "lower lip": {},
+    "lips": {},
+    "cheek": {},
+    "nose": {},
+    "brow down": {"nose": 0.5},
+    "inner brow up": {},
+    "outer brow up": {},
+}
 # Share of a muscle's variance that both sides have in common, for muscles that people can move on one side alone.
 _COMMON = {
     "brow down": 0.4,
@@ -71,6 +96,11 @@ def muscle_of_shape(name: str) -> str:
 def side_of_shape(name: str) -> str:
     """Return the side of the shape ``name``: "Left", "Right", or "" for both."""
     return next((side for side in _SIDES if name.endswith(side)), "")
+
+
+def subsiding(muscle: str) -> dict[str, float] | None:
+    """Return the muscle groups that end with ``muscle`` when it is pulled against, and how much; None if it stays."""
+    return _SUBSIDING.get(muscle)
 
 
 def independence(names: Sequence[str], sides: bool = True) -> Array:

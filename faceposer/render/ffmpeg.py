@@ -6,7 +6,7 @@ import shutil
 from faceposer.errors import FacePoserError
 
 _MISSING = (
-    "MP4 needs ffmpeg, which was not found; install it, or its Python package with pip install 'faceposer[films]', or "
+    "MP4 needs ffmpeg, which was not found; install it, or its Python package with pip install 'faceposer[film]', or "
     "write a .gif instead."
 )
 

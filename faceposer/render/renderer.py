@@ -43,6 +43,8 @@ class PhotoLayer:
         focal: Focal length of that camera, in its pixels.
         behind: Opacity of the photo behind the face, 0 to 1.
         before: Opacity of the photo in front of the face, 0 to 1.
+        left: Texture that alone is shown on the left of a line across the image, or None.
+        split: Where that line is, as a share of the width of the image.
     """
 
     picture: moderngl.Texture
@@ -50,6 +52,8 @@ class PhotoLayer:
     focal: float
     behind: float
     before: float
+    left: moderngl.Texture | None = None
+    split: float = 0.0
 
     def corners(self, camera: Camera) -> tuple[float, float, float, float]:
         """Return left, top, right and bottom of the photo in the pixels of ``camera``."""
@@ -198,7 +202,7 @@ class Renderer:
             set_uniform(self._background, "viewport", size)
             self._backdrop.render(moderngl.TRIANGLES, vertices=3)
         if photo is not None and photo.behind > 0.0:
-            self._draw_photo(photo, camera, photo.behind)
+            self._draw_photo(photo, camera, photo.picture, photo.behind)
         fades = transparent or (photo is not None and photo.behind > 0.0)
         if fades:
             ctx.enable(moderngl.BLEND)
@@ -231,8 +235,8 @@ class Renderer:
         self._draw_parts(shading, opaque=False)
         target.depth_mask = True
         ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND)
-        if photo is not None and photo.before > 0.0:
-            self._draw_photo(photo, camera, photo.before)
+        if photo is not None:
+            self._draw_before(photo, camera, target)
 
     def prepare(self) -> None:
         """Prepare in advance the data that would delay the first pose."""
@@ -247,14 +251,25 @@ class Renderer:
         for program, (name, content) in zip(self._surface, layouts.items(), strict=True):
             self._arrays[name] = self.ctx.vertex_array(program, content, index_buffer=buffers.lines.triangles)
 
-    def _draw_photo(self, photo: PhotoLayer, camera: Camera, opacity: float) -> None:
+    def _draw_before(self, photo: PhotoLayer, camera: Camera, target: moderngl.Framebuffer) -> None:
+        """Draw what is in front of the face: the photo, and that on the left of the line alone over the backdrop."""
+        if photo.before > 0.0:
+            self._draw_photo(photo, camera, photo.picture, photo.before)
+        across = round(photo.split * camera.size[0])
+        if photo.left is not None and across > 0:
+            target.scissor = (0, 0, across, camera.size[1])
+            self._backdrop.render(moderngl.TRIANGLES, vertices=3)
+            self._draw_photo(photo, camera, photo.left, 1.0)
+            target.scissor = None  # type: ignore[assignment]
+
+    def _draw_photo(self, photo: PhotoLayer, camera: Camera, picture: moderngl.Texture, opacity: float) -> None:
         left, top, right, bottom = photo.corners(camera)
         width, height = camera.size
         corners = (2.0 * left / width - 1.0, 1.0 - 2.0 * bottom / height, 2.0 * right / width - 1.0)
         self.ctx.enable(moderngl.BLEND)
         set_uniform(self._photo, "corners", (*corners, 1.0 - 2.0 * top / height))
         set_uniform(self._photo, "opacity", opacity)
-        photo.picture.use(0)
+        picture.use(0)
         self._photo_quad.render(moderngl.TRIANGLE_STRIP, vertices=4)
         self.ctx.disable(moderngl.BLEND)
 

@@ -17,18 +17,9 @@ from faceposer.model.character import Character
 from faceposer.poses.applying import applied, pose_of
 from faceposer.poses.pose_file import LONGEST_NAME, pose_text, read_pose
 from faceposer.progress import Progress
+from faceposer.session.key_entries import KeyFiles, count_with_neutral, delete_keys
 from faceposer.session.key_files import character_of, key_displacements
-from faceposer.session.key_folder import (
-    COMPOSED,
-    EXPRESSION,
-    SIDES,
-    VISEME,
-    KeyFiles,
-    KeyFolder,
-    Side,
-    count_with_neutral,
-    delete_keys,
-)
+from faceposer.session.key_folder import COMPOSED, EXPRESSION, SIDES, VISEME, KeyFolder, Side
 from faceposer.session.key_kinds import check_kinds
 from faceposer.transfer.examples import MOST_KEYS
 from faceposer.transfer.key_models import Importance, Meeting, composed, importance, smoothed

@@ -1,5 +1,6 @@
-"""Additions of pairs to a folder of keys, from files and from the frames of an animation."""
+"""Changes of the pairs in a folder of keys: additions from files and from the frames of an animation, other names."""
 
+import shutil
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -9,16 +10,18 @@ from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
 from faceposer.files import paths
+from faceposer.files.atomic import atomic_files
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import applied, pose_of
 from faceposer.poses.library import safe_stem
-from faceposer.poses.pose_file import Pose, write_pose
+from faceposer.poses.pose_file import Pose, pose_text, write_pose
 from faceposer.poses.pose_file import read_pose as read_pose_file
 from faceposer.progress import Progress
 from faceposer.session.file_kinds import kind_of
+from faceposer.session.key_entries import KeyTakenError, checked_key_name, delete_keys
 from faceposer.session.key_files import character_of, key_displacements, load_side, read_key
-from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, KeyTakenError, Side, checked_key_name
+from faceposer.session.key_folder import COMPOSED, SIDES, KeyFolder, Side
 from faceposer.session.key_proposals import PROPOSED, Proposal, make_proposer, proposed
 from faceposer.session.keys import check_points, load_keys
 from faceposer.session.opening import open_session
@@ -115,6 +118,40 @@ def add_key_pose(
         answer = proposed(model, target, make_proposer(model, target, proposal), pose)
         (progress or Progress()).check()
     return folder.add(pose, answer, replaces)
+
+
+def rename_key(folder: KeyFolder, name: str, new: str) -> str:
+    """Rename the key ``name``, its poses included, and return the new name of its files.
+
+    Raises:
+        FacePoserError: If the key is missing, another one has the name, or a file cannot be read or written; then
+            nothing has changed.
+    """
+    title = checked_key_name(new)
+    stem = safe_stem(title)
+    entry = folder.existing(name)
+    other = next((one.name for one in folder.entries() if one.name.casefold() == stem.casefold()), name)
+    if other != name:
+        raise FacePoserError(f"'{folder.folder}' already has a key '{other}'; choose another name.")
+    old = [path for path in (entry.source, entry.target) if path is not None]
+    new_files = [path.with_name(f"{stem}{path.suffix}") for path in old]
+    with atomic_files(new_files, "key") as temporaries:
+        for path, file, temporary in zip(old, new_files, temporaries, strict=True):
+            if path.suffix.lower() == ".json":
+                text = pose_text(file, read_pose_file(path).renamed(title))
+                temporary.write_text(text, encoding="utf-8", newline="\n")
+            else:
+                shutil.copyfile(path, temporary)
+    listed = replace(
+        folder,
+        expressions=tuple(stem if one == name else one for one in folder.expressions),
+        visemes=tuple(stem if one == name else one for one in folder.visemes),
+    )
+    if listed != folder:
+        listed.write()
+    # Where the system ignores case, a file may have got its new name already.
+    delete_keys(path for path, file in zip(old, new_files, strict=True) if not paths.same_file(path, file))
+    return stem
 
 
 def propose_again(folder: KeyFolder, name: str, proposal: Proposal = "auto") -> None:

@@ -5,9 +5,8 @@ meshes (.obj, .ply); files of the same name are a pair.
 """
 
 import os
-import re
 import shutil
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -22,9 +21,10 @@ from faceposer.files.json_documents import JsonDocument, check_header, convert, 
 from faceposer.files.writing import write_json
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.poses.library import safe_stem
-from faceposer.poses.pose_file import Pose, checked_name, pose_text, read_pose
-from faceposer.session.document import absolute_character, path_from, portable_character
-from faceposer.transfer.examples import MOST_KEYS, NEUTRAL
+from faceposer.poses.pose_file import Pose, pose_text, read_pose
+from faceposer.session.document import absolute_character
+from faceposer.session.key_entries import KeyFiles, KeyTakenError, checked_key_name, count_with_neutral, delete_keys
+from faceposer.transfer.examples import MOST_KEYS
 from faceposer.transfer.key_parameters import FEWEST_POINTS, Regions
 
 FORMAT, VERSION = "faceposer.keys", 1
@@ -48,40 +48,6 @@ class _KeysFile(JsonDocument):
     threshold: Annotated[float, Meta(ge=1e-15, le=0.5)] | None = None
     expressions: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
     visemes: Annotated[tuple[_Name, ...], Meta(max_length=MOST_KEYS)] = ()
-
-
-class KeyTakenError(FacePoserError):
-    """The name of a new key is taken."""
-
-    def __init__(self, folder: Path, name: str) -> None:
-        self.taken = f"'{folder}' already has a key '{name}'"
-        super().__init__(f"{self.taken}; choose another name, or replace it.")
-
-
-def checked_key_name(name: str) -> str:
-    """Return ``name`` if it can be the name of a key.
-
-    Raises:
-        FacePoserError: If it is a path, not a single line, or too long.
-    """
-    if re.search(r"[/\\]", name) or name.strip() in (".", ".."):
-        raise FacePoserError(f"The name of a key cannot be a path such as '{name}'; give a name such as 'Happiness'.")
-    return checked_name(name)
-
-
-@dataclass(frozen=True)
-class KeyFiles:
-    """The files of a key.
-
-    Attributes:
-        name: Name of the files without suffix.
-        source: Pose or mesh of the source, if there is one.
-        target: Pose or mesh of the target, if there is one.
-    """
-
-    name: str
-    source: Path | None
-    target: Path | None
 
 
 @dataclass(frozen=True)
@@ -192,7 +158,7 @@ class KeyFolder:
         """Return the keys of the folder by name, complete or not.
 
         Raises:
-            FacePoserError: If a folder cannot be listed, has two files of one name, or too many.
+            FacePoserError: If a folder cannot be listed, or has too many.
         """
         entries = self._listed()
         count = count_with_neutral([entry.name for entry in entries])
@@ -207,15 +173,31 @@ class KeyFolder:
         """Return the keys by name, however many there are."""
         found = {side: self._files(side) for side in SIDES}
         names = sorted({*found["source"], *found["target"]})
-        return [KeyFiles(name, found["source"].get(name), found["target"].get(name)) for name in names]
+        return [KeyFiles.of(name, *(found[side].get(name, []) for side in SIDES)) for name in names]
 
     def entry(self, name: str) -> KeyFiles | None:
         """Return the key with this name, or None.
 
         Raises:
-            FacePoserError: If a folder cannot be listed, or has two files of one name.
+            FacePoserError: If a folder cannot be listed, or the key has two files of one side.
         """
-        return next((entry for entry in self._listed() if entry.name == name), None)
+        entry = next((entry for entry in self._listed() if entry.name == name), None)
+        if entry is not None and entry.problem:
+            raise FacePoserError(entry.problem)
+        return entry
+
+    def existing(self, name: str) -> KeyFiles:
+        """Return the key with this name.
+
+        Raises:
+            FacePoserError: If there is none, a folder cannot be listed, or the key has two files of one side.
+        """
+        entry = self.entry(name)
+        if entry is None:
+            near = get_close_matches(name, [entry.name for entry in self._listed()], 1)
+            help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
+            raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
+        return entry
 
     def check_room(self, more: int) -> None:
         """Check that ``more`` keys can be added.
@@ -259,8 +241,10 @@ class KeyFolder:
         """Return the files of both sides of a key.
 
         Raises:
-            FacePoserError: If it lacks one.
+            FacePoserError: If it lacks one, or has two of one side.
         """
+        if entry.problem:
+            raise FacePoserError(entry.problem)
         for side in SIDES:
             if getattr(entry, side) is None:
                 suffix = "obj" if side == "target" and self.is_mesh else "json"
@@ -272,7 +256,7 @@ class KeyFolder:
         assert entry.target is not None
         return entry.source, entry.target
 
-    def _files(self, side: Side) -> dict[str, Path]:
+    def _files(self, side: Side) -> dict[str, list[Path]]:
         folder = self.folder / side
         try:
             files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.name[0] != ".")
@@ -281,13 +265,9 @@ class KeyFolder:
                 f"The folder '{folder}' of the keys cannot be listed: {error.strerror}; put it back, or choose another "
                 "folder of key poses."
             ) from error
-        found: dict[str, Path] = {}
+        found: dict[str, list[Path]] = {}
         for path in files:
-            if path.stem in found:
-                raise FacePoserError(
-                    f"The key '{path.stem}' has two files, '{found[path.stem]}' and '{path.name}'; remove one of them."
-                )
-            found[path.stem] = path
+            found.setdefault(path.stem, []).append(path)
         return found
 
     def kinds(self) -> Mapping[str, str]:
@@ -357,41 +337,10 @@ class KeyFolder:
         Raises:
             FacePoserError: If there is none, or a file cannot be deleted.
         """
-        entry = self.entry(name)
-        if entry is None:
-            near = get_close_matches(name, [entry.name for entry in self._listed()], 1)
-            help_ = f"did you mean '{near[0]}'?" if near else f"its keys are the files in '{self.folder / 'source'}'."
-            raise FacePoserError(f"'{self.folder}' has no key '{name}'; {help_}")
+        entry = self.existing(name)
         delete_keys(path for path in (entry.source, entry.target) if path is not None)
         if name in (*self.expressions, *self.visemes):
             expressions, visemes = (
                 tuple(other for other in names if other != name) for names in (self.expressions, self.visemes)
             )
             replace(self, expressions=expressions, visemes=visemes).write()
-
-
-def count_with_neutral(names: Collection[str]) -> int:
-    """Return the number of keys with these ``names``, and the neutral face if it is none of them."""
-    return len(names) + (not any(name.casefold() == NEUTRAL for name in names))
-
-
-def delete_keys(files: Iterable[Path]) -> None:
-    """Delete ``files`` of keys.
-
-    Raises:
-        FacePoserError: If one cannot be deleted.
-    """
-    for path in files:
-        try:
-            path.unlink()
-        except OSError as error:
-            raise FacePoserError(
-                f"The key '{path}' cannot be deleted: {error.strerror}; allow changes of its folder."
-            ) from error
-
-
-def portable_target(target: str, folder: Path) -> str:
-    """Return the reference to a character or a mesh in the description of the keys in ``folder``."""
-    if Path(target).suffix.lower() not in POSED_MESH_SUFFIXES:
-        return portable_character(target, folder)
-    return path_from(target, folder)

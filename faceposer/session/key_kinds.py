@@ -18,9 +18,7 @@ def set_kind(folder: KeyFolder, name: str, kind: str) -> None:
     Raises:
         FacePoserError: If there is no such key, or a file cannot be read or written.
     """
-    entry = next((entry for entry in folder.entries() if entry.name == name), None)
-    if entry is None:
-        raise FacePoserError(f"'{folder.folder}' has no key '{name}' any more.")
+    entry = folder.existing(name)
     untagged = kind
     for path in (entry.source, entry.target):
         if path is None or path.suffix.lower() != ".json":

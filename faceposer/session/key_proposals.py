@@ -17,8 +17,10 @@ from faceposer.poses.applying import applied, pose_of, weights_on
 from faceposer.poses.library import Entry, PoseLibrary, safe_stem, starter_poses
 from faceposer.poses.pose_file import Pose
 from faceposer.progress import Progress
+from faceposer.session.document import path_from, portable_character
+from faceposer.session.key_entries import count_with_neutral
 from faceposer.session.key_files import neutral_of
-from faceposer.session.key_folder import COMPOSED, KeyFolder, count_with_neutral, portable_target
+from faceposer.session.key_folder import COMPOSED, KeyFolder
 from faceposer.session.opening import load_model
 from faceposer.transfer.examples import MOST_KEYS
 from faceposer.transfer.key_parameters import Regions
@@ -79,7 +81,7 @@ def create_keys(
     chosen = [entry.pose for entry in usable if entry.pose is not None]
     other = None if is_mesh else load_model(target)
     with atomic_folder(folder) as temporary:
-        keys = KeyFolder(temporary, portable_target(source, folder), portable_target(target, folder), regions=regions)
+        keys = KeyFolder(temporary, _portable_target(source, folder), _portable_target(target, folder), regions=regions)
         keys.write()
         proposer = None
         for i, pose in enumerate(chosen):
@@ -147,3 +149,10 @@ def _own(target: FaceModel, name: str, poses: Sequence[Pose]) -> Pose | None:
     """Return the pose with this name made on the character ``target``, if there is one."""
     own = [pose for pose in poses if pose.name == name and pose.character == target.character.name]
     return _on(target, own[0]) if own and weights_on(own[0], target.character) is not None else None
+
+
+def _portable_target(target: str, folder: Path) -> str:
+    """Return the reference to a character or a mesh in the description of the keys in ``folder``."""
+    if Path(target).suffix.lower() not in POSED_MESH_SUFFIXES:
+        return portable_character(target, folder)
+    return path_from(target, folder)

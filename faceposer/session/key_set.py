@@ -12,8 +12,9 @@ from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
+from faceposer.session.key_entries import KeyFiles
 from faceposer.session.key_files import KeyReader, load_side
-from faceposer.session.key_folder import DESCRIPTION, SIDES, KeyFiles, KeyFolder, Side
+from faceposer.session.key_folder import DESCRIPTION, SIDES, KeyFolder, Side
 from faceposer.session.key_proposals import PROPOSED
 from faceposer.session.keys import load_keys
 from faceposer.transfer.examples import ExampleTransfer

@@ -14,8 +14,9 @@ from faceposer.files import paths
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
+from faceposer.session.key_entries import KeyFiles
 from faceposer.session.key_files import KeyReader, character_of, key_displacements, load_side
-from faceposer.session.key_folder import DESCRIPTION, KeyFiles, KeyFolder
+from faceposer.session.key_folder import DESCRIPTION, KeyFolder
 from faceposer.session.opening import load_model
 from faceposer.session.usable_keys import UsableKeys, usable_keys
 from faceposer.transfer.examples import ExampleTransfer, KeyPair

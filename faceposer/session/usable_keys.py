@@ -10,8 +10,9 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.mesh_io import POSED_MESH_SUFFIXES
 from faceposer.model.character import Character
 from faceposer.model.face_model import FaceModel
+from faceposer.session.key_entries import KeyFiles
 from faceposer.session.key_files import KeyReader, key_displacements
-from faceposer.session.key_folder import COMPOSED, KeyFiles, KeyFolder
+from faceposer.session.key_folder import COMPOSED, KeyFolder
 from faceposer.transfer.examples import NEUTRAL, check_motion, earlier_same
 from faceposer.transfer.keyed_model import check_size
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
+from faceposer.model.local_moments import LocalMoments
 from faceposer.model.mixture import GaussianMixture
 from faceposer.model.muscles import dependent_pairs
 from faceposer.sized_cache import sized_cache, weak_cache
@@ -16,6 +17,7 @@ from faceposer.solve.constraints.registry import CONSTRAINTS, Constraint
 from faceposer.solve.coverage import coverage
 from faceposer.solve.gaze_terms import HeldGaze, ParallelGaze, eye_turns, gaze_differences, moves_eyes
 from faceposer.solve.least_motion import LeastMotion, LinearisedEnergy
+from faceposer.solve.opposition import fading
 from faceposer.solve.priors import MixturePrior, Prior, WeightBounds, prior_at
 from faceposer.solve.reach import ReachTerm, limits_around
 from faceposer.solve.term import AnchoredPoints, Array, Indices, PoseState, QuadraticTerm, ResidualTerm, Term, reduced
@@ -67,7 +69,8 @@ class PoseProblem:
     of the size of the mesh.
 
     Attributes:
-        start: The pose on which the prior is conditioned, shape (r,): the given one, with the eyes turned.
+        start: The pose on which the prior is conditioned, shape (r,): the given one, with the eyes turned, without
+            what the constraints pull against.
         limits: Limits of the weights of the model's density, widened to the home pose, shape (W, 2); None if the
             problem has none.
         trust: Share from 0 to 1 by which targets count unlimited; see ``ReachTerm.within_reach``.
@@ -122,7 +125,7 @@ class PoseProblem:
                 self.start = constraint.offset_start(model, self.start)
         self._anchored, self._slots = gather_points(model, self.constraints)
         slots = self._slots
-        self._terms: list[Term] = [Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9))]
+        self._terms: list[Term] = []
         informative: list[Term] = list(extra_terms)
         for kind in CONSTRAINTS.values():
             chosen = [i for i, c in enumerate(self.constraints) if isinstance(c, kind) and c.enabled and c.weight > 0]
@@ -134,18 +137,23 @@ class PoseProblem:
         self._terms += [*extra_terms, *passive_terms]
         centred = mixture is None and prior != "plain"
         # Without constraints the start is the minimum of a prior conditioned on it.
-        self.at_rest = centred and len(self._terms) == 1
+        self.at_rest = centred and not self._terms
         self.mixture = model.mixture if mixture is None else mixture
         self.limits: Array | None = None
         self.trust = 1.0 if bare else 0.0
         self._home = self.start if home is None else np.asarray(home, dtype=np.float64)
+        wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM)) if centred else 0.0
+        covered, fade = 0.0, None
+        if centred and informative and not bare:
+            rows, residual = _linearised(informative, self._start_state)
+            # A spread below the default reduces the coverage, to keep the response local.
+            covered = min(1.0, spread / SPREAD) * coverage(model, begin, rows)
+            if prior == "regions" and home is None and not extra_terms:
+                fade = fading(model, begin, rows, residual, (1.0 - wholeness) * (1.0 - covered))
+                self.start = self.start if fade is None else self.start - fade
+        self._terms.insert(0, Ridge(self.start, _RIDGE / model.subspace.variances.clip(1e-9)))
         if bare:
             return
-        wholeness = max(0.0, (spread - _WHOLE_FROM) / (1.0 - _WHOLE_FROM)) if centred else 0.0
-        covered = 0.0
-        if centred and informative:
-            # A spread below the default reduces the coverage, to keep the response local.
-            covered = min(1.0, spread / SPREAD) * coverage(model, begin, _linearised(informative, self._start_state)[0])
         if mixture is None:
             self.trust = 1.0 - (1.0 - wholeness) * (1.0 - covered)
             self._apply_reach(informative)
@@ -154,7 +162,10 @@ class PoseProblem:
             weight = (1.0 - wholeness) * max(prior_weight, _LEAST_HOLD)
             self._terms.append(HeldGaze(eye_turns(model), self.start, weight))
         if centred:
-            self._add_prior(begin, prior, spread, wholeness, covered, informative)
+            moments = prior_at(model, begin, prior, wholeness)
+            self._add_prior(
+                moments if fade is None else moments.about(begin - fade), prior, spread, covered, informative
+            )
         elif prior_weight > 0:
             self._terms.append(MixturePrior(self.mixture, prior_weight))
         if mixture is None:
@@ -191,16 +202,16 @@ class PoseProblem:
         self._terms.append(ParallelGaze(gaze_differences(self.model), self.start, weight))
 
     def _add_prior(
-        self, begin: Array, prior: Prior, spread: float, wholeness: float, covered: float, informative: Sequence[Term]
+        self, moments: LocalMoments, prior: Prior, spread: float, covered: float, informative: Sequence[Term]
     ) -> None:
-        """Add the model's density conditioned on the pose ``begin`` and the ``informative`` terms, and least motion.
+        """Add the model's density conditioned on a pose and the ``informative`` terms, and least motion.
 
         An offset of the start translates this density without changing its shape.
         """
         rows, residual = reduced(*_linearised(informative, self._start_state))
-        self.mixture = prior_at(self.model, begin, prior, wholeness).near(rows, residual, covered)
-        if self.start is not begin:
-            self.mixture = self.mixture.translated_by(self.start - begin)
+        self.mixture = moments.near(rows, residual, covered)
+        if not np.array_equal(self.start, moments.start):
+            self.mixture = self.mixture.translated_by(self.start - moments.start)
         weight = max(self.prior_weight, _LEAST_WEIGHT)
         self._terms.append(MixturePrior(self.mixture, _GAUSSIAN * weight))
         strength = weight * (_LEAST_MOTION + (_MOTION - _LEAST_MOTION) * (1.0 - spread) ** _MOTION_POWER)
@@ -216,7 +227,7 @@ class PoseProblem:
         """Return the anchored points at coefficients ``p`` of shape (r,)."""
         return PoseState(self._anchored, p)
 
-    @cached_property
+    @property
     def _start_state(self) -> PoseState:
         return _state_at(self._anchored, self.start.tobytes())
 

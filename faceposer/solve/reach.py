@@ -1,7 +1,7 @@
 """Reach: the range in the image over which a point of the face can be pulled."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.model.face_model import FaceModel
-from faceposer.model.muscles import dependent_pairs
+from faceposer.model.muscles import dependent_pairs, muscle_of_shape, subsiding
 from faceposer.sized_cache import sized_cache
 from faceposer.solve.term import Array, Indices, PoseState, ResidualTerm
 
@@ -36,34 +36,38 @@ class Reach:
 
     Attributes:
         steps: Displacement of each point in pixels (u, v) when one rig weight goes to its lower or upper limit, for the
-            shapes to which a pull on the point is attributed, shape (n, 2 W, 2).
+            shapes to which a pull on the point is attributed, shape (n, 2 W, 2). Muscles that fade (``opposition``)
+            go no lower than 0 in it.
+        relaxing: Displacement of each point in pixels when one such muscle relaxes, shape (n, W, 2).
         mobility: Mobility of each point, from 0 (it only moves along with others) to 1, shape (n,).
         scale: Pixels per centimetre across the line of sight at each point, shape (n,).
     """
 
     steps: Array
+    relaxing: Array
     mobility: Array
     scale: Array
 
-    @cached_property
-    def _lengths(self) -> Array:
-        lengths: Array = np.maximum(np.sqrt(np.einsum("nwk,nwk->nw", self.steps, self.steps)), 1e-12)
-        return lengths
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays."""
+        return self.steps.nbytes + self.relaxing.nbytes + self.mobility.nbytes + self.scale.nbytes
 
     def pixels(self, directions: Array) -> Array:
         """Return the reach of each point in pixels, (n,), along its unit direction in ``directions``, (n, 2)."""
-        along = np.maximum(np.einsum("nwk,nk->nw", self.steps, directions), 0.0)
-        # A step s with component a along the direction counts as a^2 / |s|: oblique steps count less.
-        forward = along * along / self._lengths
+        forward, ended = (_forward(steps, directions) for steps in (self.steps, self.relaxing))
+        # An expression ends as a whole; of those that begin, not all reach their limits together.
+        reach = ended.sum(axis=1) + np.sqrt(np.einsum("nw,nw->n", forward, forward)) + _TREMOR_PX
         # Points that hardly move are kept still, since a pull on them would show elsewhere.
-        reach: Array = self.mobility * (np.sqrt(np.einsum("nw,nw->n", forward, forward)) + _TREMOR_PX)
-        return reach
+        reached: Array = self.mobility * reach
+        return reached
 
     def outline(self, index: int, n: int = 36) -> Array:
         """Return the outline of the region that point ``index`` can reach, ``n`` displacements in pixels, shape (n, 2).
 
         Sums of steps J_w with factors from 0 to 1 whose squares sum to at most 1 form a convex region with the support
-        function h (``pixels``). Its boundary point with the outward normal u is sum_w max(0, u . J_w) J_w / h(u).
+        function h (``pixels``). Its boundary point with the outward normal u is sum_w max(0, u . J_w) J_w / h(u). To
+        this is added what relaxes.
         """
         return self.border(index, _directions(n))
 
@@ -71,7 +75,8 @@ class Reach:
         """Return the points of the ``outline`` with the outward unit normals ``directions``, (n, 2), shape (n, 2)."""
         forward = np.maximum(directions @ self.steps[index].T, 0.0)
         support = np.sqrt(np.einsum("nw,nw->n", forward, forward))
-        border: Array = (forward @ self.steps[index]) / np.maximum(support, 1e-9)[:, None]
+        begun = (forward @ self.steps[index]) / np.maximum(support, 1e-9)[:, None]
+        border: Array = begun + (directions @ self.relaxing[index].T > 0.0) @ self.relaxing[index]
         return border
 
     def limited(self, pulls: Array) -> Array:
@@ -134,7 +139,9 @@ class ReachTerm(ResidualTerm):
         raise NotImplementedError
 
 
-@sized_cache(lambda reach, model, state, *_: state.nbytes + 2 * reach.steps.nbytes, *_CACHED, weak=True)
+@sized_cache(
+    lambda reach, model, state, *_: state.nbytes + 2 * (reach.steps.nbytes + reach.relaxing.nbytes), *_CACHED, weak=True
+)
 def _reach_of_points(model: FaceModel, state: PoseState, points: bytes, camera: Camera, limits: bytes) -> Reach:
     rows, neutral = state.anchored_at(np.frombuffer(points, dtype=np.intp))
     return reach_of_rows(model, state.p, rows, neutral, camera, np.frombuffer(limits).reshape(-1, 2))
@@ -157,17 +164,36 @@ def reach_of_rows(
     attributed = _smooth_step((shares - _ALONG) / (_MEANT - _ALONG))
     _, by_place = camera.project_with_jacobian(neutral + rows @ p)
     pixels = np.einsum("nik,nkw->nwi", by_place, moves) * attributed[:, :, None]
-    free = np.concatenate([(upper - weights).clip(0.0, _FAR), -(weights - lower).clip(0.0, _FAR)])
+    # What relaxes towards 0, and the rest of the way to the limits.
+    ended = np.where(_fading(tuple(names)), weights.clip(0.0, _FAR), 0.0)
+    free = np.concatenate([(upper - weights).clip(0.0, _FAR), -(weights - lower - ended).clip(0.0, _FAR)])
     steps = np.concatenate([pixels, pixels], axis=1) * free[None, :, None]
     scale = np.sqrt(0.5 * np.einsum("nik,nik->n", by_place, by_place))
     own = np.sqrt(np.einsum("nw,nw->n", sizes * attributed, sizes * attributed))
-    return Reach(steps, _smooth_step((own - _BONE_CM) / (_FLESH_CM - _BONE_CM)), scale)
+    relaxing = -pixels * ended[:, None]
+    return Reach(steps, relaxing, _smooth_step((own - _BONE_CM) / (_FLESH_CM - _BONE_CM)), scale)
 
 
 @lru_cache(maxsize=4)
 def _directions(n: int) -> Array:
     angles = np.arange(n) * (2.0 * np.pi / n)
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+@lru_cache(maxsize=8)
+def _fading(names: tuple[str, ...]) -> NDArray[np.bool_]:
+    """Return the mask of the shapes ``names`` whose muscles relax when they are pulled against, shape (W,)."""
+    return np.array([subsiding(muscle_of_shape(name)) is not None for name in names], dtype=bool)
+
+
+def _forward(steps: Array, directions: Array) -> Array:
+    """Return how far each of the ``steps``, (n, W, 2), goes along the ``directions``, (n, 2), shape (n, W).
+
+    A step s with component a along the direction counts as a^2 / |s|: oblique steps count less.
+    """
+    along = np.maximum(np.einsum("nwk,nk->nw", steps, directions), 0.0)
+    forward: Array = along * along / np.maximum(np.sqrt(np.einsum("nwk,nwk->nw", steps, steps)), 1e-12)
+    return forward
 
 
 def _smooth_step(t: Array) -> Array:

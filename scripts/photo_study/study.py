@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,14 @@ from faceposer.identity.photos.dense_fit import DenseFitter
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
 from faceposer.identity.photos.head_basis import HeadBasis, head_basis
+from faceposer.identity.photos.head_from_photos import PAINTED
 from faceposer.identity.photos.landmark_fit import PhotoFace, fit_landmarks
 from faceposer.identity.photos.skin_samples import shipped_samples
 from faceposer.identity.photos.unknowns import FitState
 from faceposer.landmarks.points import N_POINTS, find_landmarks
 from scripts.identity_study.eos_fit import has_eos
 from scripts.photo_study.eos_photos import EosPhotos
+from scripts.photo_study.paintings import painted
 from scripts.photo_study.synthetic import SIZE, Person, Photo, photo_of, random_person, random_weights
 
 Array = NDArray[np.float64]
@@ -66,9 +68,16 @@ class Trial:
 class Study:
     """Trials on random people who are not in the model's training data."""
 
-    def __init__(self, other_lights: bool = False) -> None:
-        """Prepare the model of heads; ``other_lights`` are several lamps and the sky, which the fit does not have."""
-        self.other_lights = other_lights
+    def __init__(self, other_lights: bool = False, paintings: bool = False, likelihood: float = 1.0) -> None:
+        """Prepare the model of heads.
+
+        Args:
+            other_lights: Light the people with several lamps and the sky, which the fit does not have.
+            paintings: Make paintings of the photos, and fit them as such.
+            likelihood: Weight of the density of heads.
+        """
+        self.other_lights, self.paintings = other_lights, paintings
+        self.likelihood = likelihood * (PAINTED if paintings else 1.0)
         self.basis: HeadBasis = head_basis()
         self.places: FacePlaces = load_face_places()
         self.samples = shipped_samples(self.basis, self.places)
@@ -90,7 +99,8 @@ class Study:
         for low, high in YAWS[: max(views)]:
             yaw = float(rng.uniform(low, high))
             weights = random_weights(self.basis.model, rng)
-            photos.append(photo_of(person, self.basis.character, weights, rng, yaw, many=many))
+            photo = photo_of(person, self.basis.character, weights, rng, yaw, many=many)
+            photos.append(replace(photo, pixels=painted(photo.pixels, rng)) if self.paintings else photo)
         found = [(photo, find_landmarks(photo.pixels)) for photo in photos]
         crops = [
             (photo, FaceCrop.of(PhotoFace(face, (SIZE, SIZE), 2.0 * SIZE, 0.3), photo.pixels))
@@ -113,7 +123,7 @@ class Study:
             head = self._head_error(person, np.tile(fitted.rows, (4, 1)))
             yield Trial("eos", n, head, self._displacement(person, crops[0][0], fitted.pose), seconds)
         begun = time.process_time()
-        start = fit_landmarks([crop.face for _, crop in crops], self.basis, self.places)
+        start = fit_landmarks([crop.face for _, crop in crops], self.basis, self.places, self.likelihood)
         seconds = time.process_time() - begun
         rows = np.tile(start.state.shape, (4, 1))
         yield Trial(

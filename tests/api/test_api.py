@@ -415,7 +415,7 @@ def test_pictures_without_background_and_sequences(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("no_ffmpeg")
 def test_without_ffmpeg_python_says_so(tmp_path: Path) -> None:
-    with pytest.raises(faceposer.FacePoserError, match=r"MP4 needs ffmpeg.*faceposer\[films\]"):
+    with pytest.raises(faceposer.FacePoserError, match=r"MP4 needs ffmpeg.*faceposer\[film\]"):
         faceposer.load("low").export(tmp_path / "a.mp4")
 
 
@@ -476,7 +476,10 @@ def test_a_pose_goes_to_another_character_by_key_poses(tmp_path: Path) -> None:
     motion = faceposer.Performance(np.array([key.source, 0.5 * key.source]), 30.0)
     assert keys.coverage(motion).distances.max() < 0.02
     assert keys.importance("target").values.max() <= 1.0
-    keys.remove("happiness")
+    assert keys.rename("happiness", "Joy") == "joy"
+    assert "joy" in keys.names
+    assert "happiness" not in keys.names
+    keys.remove("joy")
     assert keys.coverage(motion).missed > 0.001
     assert keys.helpful_frames(motion, 1)[0].frame == 0
     with pytest.raises(FacePoserError, match="needs 'keys'"):
@@ -518,6 +521,7 @@ def test_wrong_arguments_of_key_poses_are_told(tmp_path: Path) -> None:
             lambda value=value: keys.add(value, tmp_path / "poses" / "open.json"),
             lambda value=value: keys.add("a", value),
             lambda value=value: keys.remove(value),
+            lambda value=value: keys.rename("open", value),
             lambda value=value: keys.choose(value, 1),
             lambda value=value: face.transfer_to(value),
             lambda value=value: face.transfer_to("low", "examples", keys=value),

@@ -219,7 +219,7 @@ def test_without_ffmpeg_commands_say_so_before_any_work(take: Path, tmp_path: Pa
         assert run(*words, "-o", tmp_path / "a.mp4") == 2
         said = capsys.readouterr().err
         assert "MP4 needs ffmpeg" in said
-        assert "faceposer[films]" in said
+        assert "faceposer[film]" in said
         assert run(*words, "-o", tmp_path / "a.bmp") == 2
         said = capsys.readouterr().err
         assert ".gif" in said

@@ -54,6 +54,9 @@ def test_keys_are_created_extended_composed_and_checked_and_transfer_a_take(
     found = json.loads(report.read_text())
     assert found["frames"] == 13
     assert found["missed"] < 0.2
+    assert run("keys", "rename", keys, "blink", "Wink") == 0
+    assert (keys / "source" / "wink.json").is_file()
+    assert run("keys", "rename", keys, "wink", "Blink") == 0
     assert run("keys", "remove", keys, "joy+open") == 0
     assert run("keys", "choose", keys, take, "--count", 2) == 0
     assert run("keys", "check", keys, "--on", take, "--json", report) == 0
@@ -157,6 +160,9 @@ def test_a_session_becomes_one_of_the_target(tmp_path: Path, poses: Path, low: F
         ),
         (("keys", "init", "low", "low", "-o", "{keys}"), "is not an empty folder"),
         (("keys", "init", "low", "low", "-o", "o", "--poses", "{no}"), "There are no poses for the character 'low'"),
+        (("keys", "rename", "{keys}", "pukker", "a"), "has no key 'pukker'; did you mean 'pucker'?"),
+        (("keys", "rename", "{keys}", "pucker", "../a"), "cannot be a path"),
+        (("keys", "rename", "{keys}", "pucker", "Open"), "already has a key 'open'; choose another name."),
         (("keys", "remove", "{keys}", "none"), "has no key 'none'; its keys are the files in"),
         (("keys", "remove", "{keys}", "pukker"), "has no key 'pukker'; did you mean 'pucker'?"),
         (("keys", "add", "{keys}", "Joy", "--source", "{take}"), "already has a key 'joy'"),
@@ -292,8 +298,11 @@ def test_contradictions_of_kinds_are_told(tmp_path: Path, poses: Path, capsys: p
     assert str(path) in few
     assert "points names 1 feature point, but cloning needs at least 3" in few
     assert f"'{path}': source: There is no character 'nobody'" in refused("check", source="nobody")
-    # A key that is removed is no longer named.
+    # A key that is renamed or removed is named accordingly.
     path.write_text(json.dumps(description | {"visemes": ["open", "pucker"]}))
+    assert run("keys", "rename", keys, "open", "Wide") == 0
+    assert json.loads(path.read_text())["visemes"] == ["wide", "pucker"]
+    assert run("keys", "rename", keys, "wide", "Open") == 0
     assert run("keys", "remove", keys, "open") == 0
     assert json.loads(path.read_text())["visemes"] == ["pucker"]
     assert run("keys", "check", keys) == 0

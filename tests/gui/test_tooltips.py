@@ -1,10 +1,14 @@
 """Tooltips cover nothing that can be pressed: the place of one, and all those of panels and dialogs."""
 
+import math
+from pathlib import Path
+
 import pytest
 from imgui_bundle import imgui
 
 from faceposer.gui.features.export.feature import ExportFeature
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
+from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.tooltips import tooltip_place
 from faceposer.gui.widgets.widget_rects import Rectangle, overlap
@@ -20,8 +24,8 @@ def measured(width: float) -> tuple[float, float]:
     return (wide, TEXT / wide)
 
 
-def place(item: Rectangle, window: Rectangle, obstacles: list[Rectangle]) -> Rectangle | None:
-    found = tooltip_place(item, window, VIEW, obstacles, measured, 15.0)
+def place(item: Rectangle, window: Rectangle, obstacles: list[Rectangle], near: float = math.inf) -> Rectangle | None:
+    found = tooltip_place(item, window, VIEW, obstacles, measured, 15.0, near)
     if found is None:
         return None
     (left, top), width = found
@@ -37,6 +41,21 @@ def test_beside_the_window_on_the_nearer_side() -> None:
     assert near_right is not None
     assert near_left[2] < window[0]
     assert near_right[0] > window[2]
+
+
+def test_beside_a_window_whose_edge_is_far_only_if_there_is_no_other_place() -> None:
+    window, item = (350.0, 200.0, 650.0, 600.0), (460.0, 300.0, 490.0, 320.0)
+    near = place(item, window, [], near=60.0)
+    assert near is not None
+    assert near[1] == item[3] + 6.0, "below the widget"
+    around = [(350.0, 200.0, 650.0, 298.0), (350.0, 322.0, 650.0, 600.0)]
+    around += [(350.0, 298.0, 458.0, 322.0), (492.0, 298.0, 650.0, 322.0)]
+    far = place(item, window, around, near=60.0)
+    assert far is not None
+    assert far[2] < window[0]
+    edge = place((360.0, 300.0, 390.0, 320.0), window, [], near=60.0)
+    assert edge is not None
+    assert edge[2] < window[0]
 
 
 def test_above_or_below_the_widget_where_nothing_is_in_the_way() -> None:
@@ -135,3 +154,21 @@ def test_in_the_window(size: tuple[int, int], scale: float, open_window: OpenWin
             seen += 1
             assert not covered(robot, box, ""), name
     assert seen > 10
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.5])
+def test_beside_the_button_that_removes_a_photo(scale: float, open_window: OpenWindow, tooltips: Tooltips) -> None:
+    robot = open_window("low", (1280, 720), ui_scale=scale)
+    head = robot.app.features[PhotoHeadFeature]
+    head.show()
+    for name in ("one", "two"):
+        head.add(Path(f"/somewhere/{name}.jpg"))
+    robot.frames(8)
+    at_once()
+    for i in range(2):
+        box = tooltips.over(robot, f"photo-head:{i}:remove")
+        assert box is not None
+        left, top, right, bottom = robot.app.widget_rects[f"photo-head:{i}:remove"]
+        gap = max(left - box[2], box[0] - right, top - box[3], box[1] - bottom)
+        assert gap < 20.0 * scale
+        assert not covered(robot, box, "photo-head:")

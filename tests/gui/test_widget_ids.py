@@ -181,7 +181,13 @@ def visit_photo(robot: Robot, folder: Path) -> None:
     for name in ("one", "two"):
         Image.fromarray(np.full((60, 80, 3), 90, dtype=np.uint8)).save(folder / f"{name}.png")
         app.window.play_event(Drop((str(folder / f"{name}.png"),)))
+        robot.frames(5)
+        robot.key("Enter")
         robot.frames(3)
+    robot.key("Shift+W")
+    robot.frames(2)
+    assert "photo-wipe-line" in app.widget_rects
+    robot.key("O")
     robot.click_widget("tab:Photo")
     left, top, right, bottom = app.widget_rects["view"]
     for share in (0.4, 0.5):

@@ -132,3 +132,15 @@ def test_what_is_asked_of_both_sides_alike_is_given_alike(model: FaceModel) -> N
         whole.near(*asked(model, start, mouthSmileLeft=0.6, mouthSmileRight=0.6)).precisions[0],
         moments.near(*asked(model, start, mouthSmileLeft=0.6, mouthSmileRight=0.6)).precisions[0],
     )
+
+
+def test_moments_about_another_pose_are_as_if_conditioned_on_it(model: FaceModel) -> None:
+    begin, end = (model.coefficients_of({"mouthSmileLeft": s, "jawOpen": j}) for s, j in ((0.8, 0.1), (0.2, 0.0)))
+    rows = np.random.default_rng(2).normal(size=(4, model.n_coefficients))
+    residual = np.array([3.0, -1.0, 0.5, 2.0])
+    found, exact = (
+        moments.near(rows, residual)
+        for moments in (model.rig_density.conditioned_on(begin).about(end), model.rig_density.conditioned_on(end))
+    )
+    np.testing.assert_array_equal(found.means, exact.means)
+    np.testing.assert_allclose(found.precisions, exact.precisions, rtol=1e-3, atol=1e-4 * exact.precisions.max())

@@ -154,7 +154,7 @@ def test_what_ffmpeg_says_is_told(script: str, said: str, low: FaceModel, tmp_pa
 
 @pytest.mark.usefixtures("no_ffmpeg")
 def test_without_ffmpeg_a_sentence_says_so_and_mp4_is_not_offered(low: FaceModel, tmp_path: Path) -> None:
-    with pytest.raises(FacePoserError, match=r"MP4 needs ffmpeg.*pip install 'faceposer\[films\]'.*\.gif"):
+    with pytest.raises(FacePoserError, match=r"MP4 needs ffmpeg.*pip install 'faceposer\[film\]'.*\.gif"):
         write(tmp_path / "a.mp4", low, low.neutral())
     with pytest.raises(FacePoserError, match="MP4 needs ffmpeg"):
         check_writable(tmp_path / "a.mp4")
@@ -192,7 +192,7 @@ def test_a_package_without_its_program_is_none(no_ffmpeg: Path, monkeypatch: pyt
 def test_the_package_writes_a_film(
     low: FaceModel, yawn: Performance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("imageio_ffmpeg", reason="the extra 'films' is not installed")
+    pytest.importorskip("imageio_ffmpeg", reason="the extra 'film' is not installed")
     monkeypatch.setenv("PATH", str(tmp_path))
     write(tmp_path / "a.mp4", low, yawn, OutputOptions((64, 48)))
     reading = ["-i", str(tmp_path / "a.mp4"), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]

@@ -14,7 +14,7 @@ from faceposer.model.face_model import FaceModel
 from faceposer.poses.applying import pose_of
 from faceposer.poses.pose_file import Pose, read_pose, write_pose
 from faceposer.session.document import Document, write_document
-from faceposer.session.key_edits import add_key, add_key_pose, choose_keys, propose_again, save_key
+from faceposer.session.key_edits import add_key, add_key_pose, choose_keys, propose_again, rename_key, save_key
 from faceposer.session.key_folder import COMPOSED, KeyFolder
 from faceposer.session.key_proposals import create_keys
 from faceposer.session.key_set import read_key_set
@@ -337,3 +337,34 @@ def test_a_mesh_without_shapes_is_cloned_by_the_keys_that_are_sculpted(mesh_keys
     far = low.character.vertices * 1e4
     write_obj(mesh_keys.folder / "target" / "pucker.obj", far, low.character.polygons)
     assert "is no face" in load_keys(mesh_keys).left_out["pucker"]
+
+
+def test_a_key_is_renamed_with_both_sides_or_not_at_all(mesh_keys: KeyFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    sculpt = (mesh_keys.folder / "target" / "smile.obj").read_bytes()
+    assert rename_key(mesh_keys, "smile", "Big smile") == "big-smile"
+    assert read_pose(mesh_keys.folder / "source" / "big-smile.json").name == "Big smile"
+    assert (mesh_keys.folder / "target" / "big-smile.obj").read_bytes() == sculpt
+    assert [entry.name for entry in mesh_keys.entries()] == ["big-smile", "open"]
+    # Another spelling of the same name.
+    assert rename_key(mesh_keys, "big-smile", "BIG SMILE") == "big-smile"
+    assert read_pose(mesh_keys.folder / "source" / "big-smile.json").name == "BIG SMILE"
+    before = content(mesh_keys)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    with pytest.raises(FacePoserError, match="No space left"):
+        rename_key(mesh_keys, "open", "Yawn")
+    assert content(mesh_keys) == before
+
+
+def test_a_key_with_two_files_of_one_side_is_not_changed_and_others_are(keys: KeyFolder) -> None:
+    (keys.folder / "target" / "smile.obj").write_text("")
+    before = content(keys)
+    for change in (lambda: keys.remove("smile"), lambda: rename_key(keys, "smile", "Grin")):
+        with pytest.raises(FacePoserError, match=r"The key 'smile' has two files, .* remove one of them"):
+            change()
+    assert content(keys) == before
+    assert rename_key(keys, "open", "Yawn") == "yawn"
+    assert list(load_keys(keys).left_out) == ["smile"]

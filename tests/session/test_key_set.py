@@ -200,5 +200,5 @@ def test_keys_change_their_kind(folder: Path) -> None:
     assert KeyFolder.read(folder).visemes == ("anger",)
     set_kind(KeyFolder.read(folder), "anger", "")
     assert KeyFolder.read(folder).visemes == ()
-    with pytest.raises(FacePoserError, match="has no key 'joy' any more"):
+    with pytest.raises(FacePoserError, match="has no key 'joy'; its keys are"):
         set_kind(keys, "joy", "viseme")

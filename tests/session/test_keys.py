@@ -148,7 +148,7 @@ def test_what_is_wrong_with_a_folder_is_said_in_a_sentence(keys: KeyFolder, tmp_
     left_out("happiness.json'")
     happy.write_text(content)
     happy.with_suffix(".obj").write_text("")
-    refused("has two files")
+    left_out("has two files")
     happy.with_suffix(".obj").unlink()
     source = keys.folder / "source"
     shutil.copy(source / "happiness.json", source / "sadness.json")

@@ -34,7 +34,9 @@ def circle(count: int) -> np.ndarray:
 
 def one(reach: Reach, count: int) -> Reach:
     """The reach of its only point, as often as there are directions to ask."""
-    return Reach(*(np.repeat(array, count, axis=0) for array in (reach.steps, reach.mobility, reach.scale)))
+    return Reach(
+        *(np.repeat(array, count, axis=0) for array in (reach.steps, reach.relaxing, reach.mobility, reach.scale))
+    )
 
 
 def test_bone_has_no_reach_and_flesh_has(model: FaceModel, camera: Camera) -> None:
@@ -95,6 +97,19 @@ def test_the_face_goes_where_the_outline_says(model: FaceModel, camera: Camera) 
         moved = camera.project(model.positions_at(place, solution.coefficients))[0] - here
         limit = float(reach.pixels(direction[None])[0])
         assert 0.4 * limit - 3.0 < moved @ direction < limit + 4.0
+
+
+def test_from_a_smile_a_corner_reaches_as_far_down_as_from_rest(model: FaceModel, camera: Camera) -> None:
+    sides = ("Left", "Right")
+    smile = model.coefficients_of({f"{shape}{side}": 0.7 for shape in ("mouthSmile", "cheekSquint") for side in sides})
+    place, down = points(model, "8.3"), np.array([[0.0, 1.0]])
+    lowest = []
+    for start in (model.neutral(), smile):
+        reach = reach_of(model, start, place, camera)
+        height = camera.project(model.positions_at(place, start))[0, 1]
+        lowest.append(height + float(reach.pixels(down)[0]))
+        assert float((reach.outline(0, 360) @ down[0]).max()) <= float(reach.pixels(down)[0]) + 4.0
+    assert lowest[1] == pytest.approx(lowest[0], abs=4.0)
 
 
 @pytest.mark.parametrize("place", BONE)

@@ -8,6 +8,7 @@ from faceposer.cli.arguments import number_between, output_path
 from faceposer.cli.identity.heads import ROOM, check_titles
 from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_distinct, check_not_input, check_output, check_space
+from faceposer.identity.photos import LIKELIHOODS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,10 +42,11 @@ def add_parser(subcommands: Any) -> None:
     )
     parser.add_argument(
         "--likelihood",
-        type=lambda text: number_between(text, 0.05, 20.0),
+        type=lambda text: number_between(text, *LIKELIHOODS),
         default=1.0,
         metavar="X",
-        help="weight of what is usual: below 1 for more likeness, above 1 for a likelier head (default: 1)",
+        help=f"weight of what is usual, from {LIKELIHOODS[0]:g} for likeness to {LIKELIHOODS[1]:g} for a likely head "
+        "(default: 1)",
     )
     parser.add_argument(
         "--landmarks-only", dest="dense", action="store_false", help="use landmarks, not the colours of the photos"
@@ -52,7 +54,7 @@ def add_parser(subcommands: Any) -> None:
     parser.add_argument(
         "--painting",
         action="store_true",
-        help="the photos are of paintings or drawings: shape from landmarks, and the skin keeps the painter's colours",
+        help="the photos are of paintings or drawings: a likelier head, and the skin keeps the painter's colours",
     )
     parser.add_argument(
         "--pins",
@@ -111,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
     for photo in made.report["photos"]:
         colours = "" if photo["residual"] is None else f", colours {photo['residual']:.3f}"
         print(printable(f"{photo['photo']}: landmarks {photo['landmark_px']:.1f} px{colours} off"))
-    if options.dense and not options.painting and not made.report["refined"]:
+    if options.dense and not made.report["refined"]:
         print("Colours did not improve the head, which is that of the landmarks.")
     print(f"{options.output} written from {counted(len(found), 'photo')} in {made.report['seconds']:.1f} s")
     if options.report is not None:

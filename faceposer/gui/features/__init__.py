@@ -15,6 +15,7 @@ def build_features(context: EditorContext) -> Features:
     from faceposer.gui.features.import_character.feature import ImportCharacterFeature
     from faceposer.gui.features.keys.feature import KeysFeature
     from faceposer.gui.features.photo.feature import PhotoFeature
+    from faceposer.gui.features.photo.saving import ChangedPhotoFeature
     from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
     from faceposer.gui.features.poses.feature import PosesFeature
     from faceposer.gui.features.preferences.feature import PreferencesFeature
@@ -30,6 +31,7 @@ def build_features(context: EditorContext) -> Features:
         PosesFeature,
         HeadFeature,
         PhotoFeature,
+        ChangedPhotoFeature,
         TimelineFeature,
         TrajectoriesFeature,
         AnimationFilesFeature,

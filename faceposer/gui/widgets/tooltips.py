@@ -1,5 +1,6 @@
 """Tooltips, placed where they cover nothing that can be pressed."""
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -11,8 +12,9 @@ from faceposer.gui.widgets.widget_rects import Rectangle, WidgetRects, overlap
 
 Size = tuple[float, float]
 
-# In units of the font size: gap to the widget, height from which a window is tall, widths to try.
-_GAP, _TALL = 0.4, 12.0
+# In units of the font size: gap to the widget, height from which a window is tall, distance from a widget up to which a
+# place beside its modal window is near, widths to try.
+_GAP, _TALL, _NEAR = 0.4, 12.0, 4.0
 _WIDTHS = (24.0, 14.0, 9.0)
 
 
@@ -64,7 +66,9 @@ def draw_tooltip(rects: WidgetRects) -> None:
         return (extent.x + 2.0 * padding.x, extent.y + 2.0 * padding.y)
 
     obstacles = [rect for rect in rects.pressable(request.modal) if rect != request.item]
-    placed = tooltip_place(request.item, request.window, (view.x, view.y), obstacles, measured, unit)
+    # Around a modal window all is dimmed: a tooltip there would be taken for another window's.
+    near = math.inf if request.modal is None else _NEAR * unit
+    placed = tooltip_place(request.item, request.window, (view.x, view.y), obstacles, measured, unit, near)
     if placed is None:
         return
     position, width = placed
@@ -83,11 +87,13 @@ def tooltip_place(
     obstacles: Iterable[Rectangle],
     measured: Callable[[float], Size],
     unit: float,
+    near: float = math.inf,
 ) -> tuple[tuple[float, float], float] | None:
     """Return the top left corner and the maximum width of a tooltip, or None if it would cover what can be pressed.
 
-    Beside the window comes first, on the side that is nearer to the widget; then above or below the window, unless it
-    is tall; then directly below, above or beside the widget.
+    Beside the window comes first, on the side that is nearer to the widget, unless that is farther away than ``near``;
+    then above or below the window, unless it is tall; then directly below, above or beside the widget; at last beside
+    the window, however far.
 
     Args:
         item: The widget.
@@ -96,6 +102,7 @@ def tooltip_place(
         obstacles: Widgets that must not be covered, besides ``item``.
         measured: Returns the size of the tooltip for a maximum width.
         unit: Size of the font.
+        near: Distance from the widget up to which a place beside the window comes first.
     """
     gap, covered = _GAP * unit, [item, *obstacles]
     candidates: list[tuple[float, float, float]] = []
@@ -123,10 +130,12 @@ def tooltip_place(
             places += [(along, box[3] + gap, width), (along, box[1] - gap - size[1], width)]
         return places
 
-    candidates += beside(window)
+    around = beside(window)
+    far = [place for place in around if (place[0] - item[2] if place[0] > item[2] else item[0] - window[0]) > near]
+    candidates += [place for place in around if place not in far]
     if window[3] - window[1] <= _TALL * unit:
         candidates += stacked(window)
-    candidates += [*stacked(item), *beside(item)]
+    candidates += [*stacked(item), *beside(item), *far]
     for left, top, width in candidates:
         wide, tall = measured(width)
         box = (left, top, left + wide, top + tall)

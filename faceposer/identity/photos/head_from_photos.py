@@ -37,8 +37,8 @@ MOST_YAW = 1.05
 # Height of the face, in pixels, in the crop from which the texture is taken.
 _TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
-# Weight of the density of heads for paintings, whose features are a painter's.
-_PAINTED = 2.0
+#: Weight of the density of heads for paintings, whose features are a painter's.
+PAINTED = 2.0
 # How much more colours of a painted face may differ than those of skin under one light.
 _TOLERANCE = 2.5
 
@@ -90,10 +90,10 @@ def head_from_photos(
         names: Names of the photos for messages.
         name: Short name of the character.
         title: Its display name.
-        likelihood: Weight of the density of heads: below 1 for more likeness, above 1 for a likelier head.
+        likelihood: Weight of the density of heads (`LIKELIHOODS`): below 1 for likeness, above 1 for a likely head.
         dense: Refine the head by the colours of the photos, and take them over.
-        painting: The photos are paintings or drawings, whose light and colours tell nothing of the shape, and are kept
-            on the skin.
+        painting: The photos are paintings or drawings: the likelihood counts twice, segments get no coefficients of
+            their own, and the skin keeps the painter's colours, light and all that is not a slope of brightness.
         settings: Settings of the refinement.
         progress: Progress to update.
 
@@ -105,15 +105,17 @@ def head_from_photos(
     progress.at("Preparing the model of heads")
     basis, places = head_basis(), load_face_places()
     crops = [FaceCrop.of(face, image) for face, image in zip(faces, images, strict=True)]
-    strength = likelihood * (_PAINTED if painting else 1.0)
+    strength = likelihood * (PAINTED if painting else 1.0)
     fit = fit_landmarks([crop.face for crop in crops], basis, places, strength, progress)
     check_turns(fit, names)
     found: DenseFit | None = None
-    if dense and not painting:
+    if dense:
+        if painting:
+            settings = replace(settings or DenseSettings(), segment_steps=0)
         found = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings).fit(progress)
     rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
     identity = Identity.of(rows)
-    line = None if found is None else found.state.texture
+    line = None if found is None or painting else found.state.texture
     if dense:
         identity = replace(identity, texture=_skin_texture(line, basis, identity, crops))
     progress.at("Making the character")

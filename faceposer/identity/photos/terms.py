@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 _PUPIL = 0.06
 # Cosine between skin and view from which a landmark counts fully, and the least factor on its residual.
 _FACING, _LEAST_TRUST = 0.4, 0.15
+# Number of the mode of heads from which less than half of a greater likeness applies, as exponents.
+_BROAD_MODES = 30.0
 # Residuals in standard deviations from which a point counts less (Cauchy's function).
 _DOUBTFUL = 4.0
 
@@ -131,9 +133,25 @@ class Priors:
     strength: float = 1.0
     alike: float = 0.0
 
+    def shape_weights(self, n: int) -> Array:
+        """Return the weights of n coefficients of heads, the modes with the largest variance first.
+
+        More likeness relaxes what a photo determines, the broad modes. Small ones would follow shadows, lamps that the
+        fit does not have, and noise, in directions that the photo does not show. Likelihood holds all alike.
+        """
+        exponents = 1.0 / (1.0 + (np.arange(n) / _BROAD_MODES) ** 2) if self.strength < 1.0 else np.ones(n)
+        weights: Array = self.strength**exponents
+        return weights
+
+    @property
+    def texture_weight(self) -> float:
+        """Weight of the coefficients of textures, to which more likeness does not leave more of the shading."""
+        return max(self.strength, 1.0)
+
     def cost(self, state: FitState) -> float:
         """Return the cost."""
-        total = 0.5 * self.strength * float(state.shape @ state.shape + state.texture @ state.texture)
+        total = 0.5 * float(self.shape_weights(len(state.shape)) @ np.square(state.shape))
+        total += 0.5 * self.texture_weight * float(state.texture @ state.texture)
         poses = np.array([view.pose for view in state.views])
         total += 0.5 * float(np.vdot(self._between() @ poses, poses @ self.expression.precision))
         for view, (expected, spread) in zip(state.views, self.log_focals, strict=True):
@@ -150,8 +168,9 @@ class Priors:
     def add(self, state: FitState, equations: NormalEquations) -> None:
         """Add the priors to ``equations``."""
         layout = equations.layout
-        equations.add_block(layout.shape, self.strength * state.shape, self.strength)
-        equations.add_block(layout.texture, self.strength * state.texture, self.strength)
+        weights = self.shape_weights(len(state.shape))
+        equations.add_block(layout.shape, weights * state.shape, np.diag(weights))
+        equations.add_block(layout.texture, self.texture_weight * state.texture, self.texture_weight)
         places = [layout.view(number).pose for number in range(len(state.views))]
         pose = np.concatenate([view.pose for view in state.views])
         # Kronecker's product of the correlations between photos and within an expression.

@@ -143,6 +143,22 @@ def test_a_film_can_be_stopped(robot: Robot, tmp_path: Path, monkeypatch: pytest
     assert not [*tmp_path.iterdir()]
 
 
+def test_an_image_too_large_for_the_memory_is_told(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_args: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("faceposer.render.film.with_palette", full)
+    exchange = exchange_of(robot.app)
+    exchange.form.suffix, exchange.form.width, exchange.form.height = ".gif", 64, 48
+    exchange.export(tmp_path / "a.gif")
+    while exchange.job is not None:
+        robot.frames()
+    assert robot.app.dialogs.waiting[0].text == "There is not enough memory; choose a smaller image or a lower rate."
+    assert not [*tmp_path.iterdir()]
+
+
 def test_the_animation_of_the_window_is_what_moves(robot: Robot, tmp_path: Path) -> None:
     app = robot.app
     exchange, model = exchange_of(app), app.session.model

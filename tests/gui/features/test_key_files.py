@@ -10,7 +10,7 @@ from faceposer.animation.keyframes import Keyframes
 from faceposer.geometry.obj_io import write_obj
 from faceposer.gui.features.keys import commands, covering, open_keys
 from faceposer.gui.features.keys.feature import KeysFeature
-from faceposer.gui.features.keys.work import NO_MEMORY
+from faceposer.gui.features.keys.work import TOO_LARGE
 from faceposer.gui.features.timeline.feature import TimelineFeature
 from faceposer.gui.features.transfer import feature as transfer_feature
 from faceposer.gui.features.transfer.feature import TransferFeature
@@ -193,12 +193,12 @@ def test_a_lack_of_memory_is_told(open_window: OpenWindow, keys: KeyFolder, monk
     monkeypatch.setattr(commands, "compose_keys", full)
     robot.app.actions["keys-compose"].run()
     finish(robot)
-    assert robot.app.dialogs.waiting[0].text == NO_MEMORY
+    assert robot.app.dialogs.waiting[0].text == f"There is not enough memory; {TOO_LARGE}"
     robot.key("Enter")
     monkeypatch.setattr(open_keys, "read_key_set", full)
     feature(robot).opened.read()
     finish(robot)
-    assert feature(robot).opened.error == NO_MEMORY
+    assert feature(robot).opened.error == f"There is not enough memory; {TOO_LARGE}"
 
 
 def test_the_dialog_of_transfer_comes_back_after_new_keys_failed(
@@ -221,7 +221,7 @@ def test_the_dialog_of_transfer_comes_back_after_new_keys_failed(
     assert robot.app.file_dialogs.open
     robot.key("Enter")
     finish(robot)
-    assert robot.app.dialogs.waiting[0].text == NO_MEMORY
+    assert robot.app.dialogs.waiting[0].text == f"There is not enough memory; {TOO_LARGE}"
     robot.key("Enter")
     robot.frames(2)
     assert transfer.open

@@ -252,6 +252,30 @@ def test_sides_are_replaced_proposed_and_removed_by_the_menu(robot: Robot, folde
     assert not (folder / "source" / "surprise.json").exists()
 
 
+def test_a_key_is_renamed_by_the_menu_while_it_is_edited(robot: Robot, folder: Path) -> None:
+    robot.click_widget("key:surprise:target")
+    finish(robot)
+    choose_from_menu(robot, "key:surprise:source", "rename")
+    robot.key("Ctrl+A")
+    robot.type("anger")
+    robot.key("Enter")
+    robot.frames(2)
+    assert feature(robot).naming.open, "the name is taken, and can be corrected"
+    robot.key("Ctrl+A")
+    robot.type("Astonished")
+    robot.key("Enter")
+    finish(robot)
+    assert not feature(robot).naming.open
+    assert read_pose(folder / "source" / "astonished.json").name == "Astonished"
+    assert keys_of(robot).key("surprise") is None
+    shape = robot.app.session.model.character.shape_names[0]
+    pose(robot, **{shape: 0.2})
+    robot.key("Ctrl+S")
+    finish(robot)
+    saved = read_pose(folder / "target" / "astonished.json")
+    assert (saved.name, saved.weights[shape]) == ("Astonished", pytest.approx(0.2, abs=0.05))
+
+
 def test_all_combinations_are_composed(robot: Robot) -> None:
     robot.click_widget("keys-compose")
     finish(robot)

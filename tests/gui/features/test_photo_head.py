@@ -66,6 +66,13 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     near = np.linalg.norm(shift[:, :2], axis=1)
     assert near.max() > 5.0 * np.median(near)
 
+    left, top, right, bottom = robot.app.widget_rects["photo-head:likelihood"]
+    for end, weight in ((left + 3.0, 0.25), (right - 3.0, 4.0)):
+        robot.click((end, 0.5 * (top + bottom)))
+        assert state.likelihood == pytest.approx(weight, rel=0.02)
+    robot.click_widget("photo-head:likelihood:reset")
+    assert state.likelihood == 1.0
+
     robot.click_widget("photo-head:fit")
     finish(robot)
     assert page(robot) == "result"
@@ -105,6 +112,16 @@ def test_photos_without_a_face_are_refused(open_window: OpenWindow, tmp_path: Pa
     finish(robot)
     assert page(robot) == "form"
     assert "No face was found" in state.error
+
+
+def test_every_dialog_begins_with_the_same_options(open_window: OpenWindow) -> None:
+    robot = open_window("low", (1000, 800), pictures=False)
+    state = robot.app.features[PhotoHeadFeature]
+    state.likelihood, state.painting = 2.0, True
+    robot.app.actions["photo-head"].run()
+    robot.frames(2)
+    assert state.open
+    assert (state.likelihood, state.painting) == (1.0, False)
 
 
 def test_an_expression_is_taken_in_one_click(open_window: OpenWindow, photo: Path) -> None:
@@ -149,5 +166,5 @@ def test_photos_stand_together_in_the_menu_view(open_window: OpenWindow) -> None
     entries = open_window("low", (680, 540), pictures=False).app.actions.in_menu("View")
     names = [entry.name for entry in entries]
     first = names.index("photo-look")
-    assert names[first : first + 3] == ["photo-look", "photo-shown", "photo-put-back"]
-    assert [entry.separated for entry in entries if entry.name.startswith("photo-")] == [True, False, False]
+    assert names[first : first + 4] == ["photo-look", "photo-shown", "photo-put-back", "photo-wipe"]
+    assert [entry.separated for entry in entries if entry.name.startswith("photo-")] == [True, False, False, False]

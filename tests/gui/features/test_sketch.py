@@ -303,6 +303,8 @@ def test_sketching_over_a_photo_has_its_options_in_the_tab(robot: Robot, tmp_pat
     Image.fromarray(np.full((60, 80, 3), 90, dtype=np.uint8)).save(tmp_path / "one.png")
     robot.app.window.play_event(Drop((str(tmp_path / "one.png"),)))
     robot.frames(3)
+    robot.key("Enter")
+    robot.frames(3)
     robot.key("E")
     robot.click_widget("tab:Photo")
     robot.frames(3)

@@ -368,6 +368,17 @@ def test_following_can_be_stopped_and_tells_what_went_wrong(robot: Robot, monkey
     robot.frames(2)
     assert app.dialogs.open
     assert frames(robot) == ()
+    robot.key("Enter")
+
+    def full(*_args: object, **_named: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("faceposer.animation.following.solve_trajectories", full)
+    following.solve_drawn()
+    settle(robot)
+    robot.frames(2)
+    assert app.dialogs.waiting[0].text == "There is not enough memory; use fewer frames."
+    assert frames(robot) == ()
 
 
 def test_an_animation_is_opened_with_as_many_keys_as_one_wants(robot: Robot, tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_frames_are_replaced_by_skin(sitting: _Sitting, under: bytes, basis: Hea
     assert errors[skin].mean() < 4.0
     # What the frames do not cover is as without them, most of the brows too.
     assert errors[free].mean() < 3.0
-    assert np.median(errors[brows]) < 6.0
+    assert np.median(errors[brows]) < 8.0
 
 
 def test_thin_frames_of_about_the_colour_of_the_skin_are_found(

@@ -91,6 +91,33 @@ def test_an_expression_of_photos_that_are_alike_counts_about_once(basis: HeadBas
     assert cost(5, 0.9) < 1.2 * cost(1, 0.0)
 
 
+@pytest.mark.parametrize("strength", [0.25, 1.0, 4.0])
+def test_the_slope_of_the_priors_matches_finite_differences(
+    basis: HeadBasis, face_camera: FaceCamera, strength: float
+) -> None:
+    rng = np.random.default_rng(3)
+    view = ViewState(0.1 * rng.standard_normal(basis.model.n_coefficients), face_camera, rng.standard_normal(3))
+    state = FitState(rng.standard_normal(basis.n_identity), rng.standard_normal(5), (view,))
+    priors = Priors(basis.prior, ((face_camera.log_focal + 0.1, 0.3),), strength)
+    equations = NormalEquations(Layout.of(state))
+    priors.add(state, equations)
+    for number in range(0, equations.layout.size, 9):
+        step = 1e-5 * np.eye(equations.layout.size)[number]
+        ahead, behind = (priors.cost(state.moved(equations.layout, way * step)) for way in (1.0, -1.0))
+        assert equations.slope[number] == pytest.approx((ahead - behind) / 2e-5, abs=1e-4, rel=1e-4)
+
+
+def test_likeness_relaxes_the_broad_modes_and_likelihood_holds_all(basis: HeadBasis) -> None:
+    like, usual, likely = (Priors(basis.prior, (), strength) for strength in (0.25, 1.0, 4.0))
+    weights = like.shape_weights(100)
+    assert weights[0] == pytest.approx(0.25)
+    assert np.all(np.diff(weights) > 0.0)
+    assert weights[-1] > 0.85
+    np.testing.assert_array_equal(usual.shape_weights(100), 1.0)
+    np.testing.assert_array_equal(likely.shape_weights(100), 4.0)
+    assert (like.texture_weight, usual.texture_weight, likely.texture_weight) == (1.0, 1.0, 4.0)
+
+
 @pytest.mark.parametrize("n_photos", [1, 2])
 def test_a_known_head_is_recovered(
     basis: HeadBasis, places: FacePlaces, face_camera: FaceCamera, n_photos: int

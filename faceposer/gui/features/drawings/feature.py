@@ -15,7 +15,7 @@ from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.modal import draw_job, modal
 from faceposer.progress import Progress
 from faceposer.session.drawings import SUFFIX, add_sketches, read_drawing, summary
-from faceposer.session.jobs import ThreadJob
+from faceposer.session.jobs import ThreadJob, outcome
 from faceposer.session.session import Session
 from faceposer.solve.constraints.sketch import SketchConstraint
 
@@ -96,7 +96,7 @@ class DrawingsFeature(Feature):
         """Add the sketches once the drawing is recognised.
 
         Raises:
-            Exception: An unexpected error of the recognition.
+            Exception: The error of the recognition, unless the user can resolve it; then a dialog reports it.
         """
         opening = self._opening
         if opening is None:
@@ -106,11 +106,9 @@ class DrawingsFeature(Feature):
             return
         self._opening = None
         self.context.redraw()
-        error, result = opening.job.error, opening.job.result
-        if isinstance(error, FacePoserError):
-            self.context.dialogs.report("The drawing cannot be used", str(error))
-        elif error is not None:
-            raise error
+        result, error = outcome(opening.job, "use a smaller drawing.")
+        if error:
+            self.context.dialogs.report("The drawing cannot be used", error)
         elif result is not None and opening.session is self.context.session:
             found, sketches = result
             try:

@@ -22,7 +22,7 @@ from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.formats import FORMATS, Output, offered, write_sequence_steps, write_steps
 from faceposer.interchange.meshes import foreign_library
 from faceposer.render.options import OutputOptions
-from faceposer.session.jobs import StepJob
+from faceposer.session.jobs import StepJob, outcome
 
 if TYPE_CHECKING:
     from faceposer.model.performance import Performance
@@ -209,18 +209,17 @@ class ExportFeature(Feature):
         """Report the result of the export, if it has ended.
 
         Raises:
-            Exception: The error of the export, unless it is a FacePoserError, which is reported.
+            Exception: The error of the export, unless the user can resolve it; then a dialog reports it.
         """
         job = self.job
         if job is None or not job.done:
             return
         self.job = None
-        if isinstance(job.error, FacePoserError):
-            self.context.dialogs.report("The export failed", str(job.error))
-        elif job.error is not None:
-            raise job.error
-        elif job.result is not None:
-            self._report_written(job.result)
+        path, error = outcome(job, "choose a smaller image or a lower rate.")
+        if error:
+            self.context.dialogs.report("The export failed", error)
+        elif path is not None:
+            self._report_written(path)
 
     def _report_written(self, path: Path) -> None:
         self.context.settings.export_path = str(paths.resolved(path))

@@ -116,7 +116,9 @@ class GuideFeature(Feature):
         left, top = viewport.origin[0] + em(_MARGIN), viewport.origin[1] + em(_MARGIN)
         height = self._height or em(_HEIGHT)
         head = viewport.camera.project(context.scene.vertices[::_STRIDE]) + viewport.origin
-        if _is_free(head, (left, top, left + width, top + height), em(0.6)):
+        # A photo is not covered, either.
+        free = context.scene.photo is None and _is_free(head, (left, top, left + width, top + height), em(0.6))
+        if free:
             self._draw_card((left, top), width)
         elif not context.notice:
             self._draw_strip()

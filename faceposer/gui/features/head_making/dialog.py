@@ -159,6 +159,8 @@ class HeadDialog:
             tooltip(f"Remove this {words.noun}")
             imgui.same_line()
             imgui.text_unformatted(displayed(Path(path).name))
+            # Recorded so that tooltips of other rows do not cover it.
+            rects.record(f"{prefix}:{i}:name")
             tooltip(path)
         row_label("" if head.files else label, width=_LABEL)
         if imgui.button("Add..."):

@@ -10,7 +10,8 @@ from faceposer.gui.widgets.basic import caption, choice, text_field
 from faceposer.gui.widgets.modal import modal, modal_body, modal_buttons, modal_escaped, modal_title
 from faceposer.gui.widgets.sliders import row_label
 from faceposer.poses.library import safe_stem
-from faceposer.session.key_folder import EXPRESSION, VISEME, checked_key_name
+from faceposer.session.key_entries import checked_key_name
+from faceposer.session.key_folder import EXPRESSION, VISEME
 
 _WIDTH, _LABEL = 30.0, 5.0
 _KINDS = (EXPRESSION, VISEME, "")

@@ -169,12 +169,13 @@ class KeyCells:
                 lambda: feature.replace_side(key, "target"),
             ),
             ("propose", "Propose target again", free, lambda: feature.propose(key)),
+            ("rename", "Rename...", free, lambda: feature.ask_to_rename(key)),
             ("remove", "Remove...", free, lambda: feature.ask_to_remove(key)),
         )
         for name, label, enabled, run in items:
-            if name in ("replace-source", "remove"):
+            if name in ("replace-source", "rename"):
                 imgui.separator()
-            if name == "remove":
+            if name == "rename":
                 self._draw_kinds(key, free)
                 imgui.separator()
             if imgui.menu_item_simple(label, "", False, enabled):

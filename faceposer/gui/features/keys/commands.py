@@ -17,13 +17,14 @@ from faceposer.gui.features.keys.faces import KeyFaces
 from faceposer.gui.features.keys.importance import ImportanceDialog, drawn_importance
 from faceposer.gui.features.keys.open_keys import OpenKeys
 from faceposer.gui.features.keys.work import KeyWork
+from faceposer.gui.name_dialog import NameDialog
 from faceposer.gui.settings import last_folder
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.poses.applying import pose_of
 from faceposer.progress import Progress
 from faceposer.session.key_compositions import compose_keys
-from faceposer.session.key_edits import add_key_pose, propose_again, save_key
+from faceposer.session.key_edits import add_key_pose, propose_again, rename_key, save_key
 from faceposer.session.key_folder import COMPOSED, EXPRESSION, VISEME, KeyFolder, Side
 from faceposer.session.key_kinds import set_kind
 from faceposer.session.key_proposals import Proposal, create_keys
@@ -46,6 +47,7 @@ class KeyCommands:
         creation: Dialog for a new folder.
         importance: Dialog with the importance of the vertices for speech.
         adding: Dialog that adds the present pose.
+        naming: Dialog that asks for another name.
         latest: Name of the key that was added or changed last, or "".
         sought: Name of the key to which the list has to scroll, or "".
         shown: True while the strip is shown.
@@ -62,6 +64,7 @@ class KeyCommands:
         self.creation = CreationDialog(context, self._create)
         self.importance = ImportanceDialog(context)
         self.adding = AddingDialog(context, self._add)
+        self.naming = NameDialog(context)
         self.shown = False
         self.kind = ""
         self.latest = self.sought = ""
@@ -221,6 +224,20 @@ class KeyCommands:
         text = "Its present pose is lost. This cannot be undone."
         choices = (Choice("Replace", proceed), Choice("Cancel"))
         self.context.dialogs.ask(Question(f"Replace the {side} of {key.title}?", text, choices, default=1))
+
+    def ask_to_rename(self, key: ListedKey) -> None:
+        """Ask for another name of ``key``."""
+        keys = self.opened.keys
+        if keys is None:
+            return
+
+        def rename(name: str, _: bool) -> None:
+            self.latest = self.sought = rename_key(keys.folder, key.name, name)
+            self.editing.renamed(key.name, self.latest, name)
+            self.opened.read()
+
+        self.context.toolbox.finish()
+        self.naming.ask("Rename key pose", "Rename", key.title, rename)
 
     def ask_to_remove(self, key: ListedKey) -> None:
         """Ask whether to remove ``key``."""

@@ -1,7 +1,7 @@
 """Editing of key poses: a side of a pair becomes the session, and is saved to its file."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
@@ -129,6 +129,11 @@ class KeyEditing:
         context.notify(f"Saved the key pose {edited.title}")
         self._opened.read()
         return True
+
+    def renamed(self, name: str, new: str, title: str) -> None:
+        """Edit on if the key ``name`` that is edited has been renamed to ``new``, with another title for the user."""
+        if self._edited is not None and self._edited.name == name:
+            self._edited = replace(self._edited, name=new, title=title)
 
     def back(self) -> None:
         """Return to the session before the first key, with its history."""

@@ -37,7 +37,7 @@ class KeysFeature(KeyCommands, Feature):
     @property
     def is_modal(self) -> bool:
         """True while a dialog is shown."""
-        return self.creation.open or self.adding.open or self.importance.open or self.work.busy
+        return self.creation.open or self.adding.open or self.naming.open or self.importance.open or self.work.busy
 
     @property
     def blocks_files(self) -> bool:
@@ -106,6 +106,7 @@ class KeysFeature(KeyCommands, Feature):
             return
         self.creation.draw()
         self.adding.draw()
+        self.naming.draw()
         self.importance.draw()
 
     def close(self) -> None:

@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.gui.context import EditorContext
-from faceposer.gui.features.keys.work import NO_MEMORY
+from faceposer.gui.features.keys.work import TOO_LARGE
 from faceposer.progress import Progress
-from faceposer.session.jobs import ThreadJob
+from faceposer.session.jobs import ThreadJob, outcome
 from faceposer.session.key_set import KeySet, Stamp, read_key_set, stamp_of
 
 # Seconds between two looks at the files.
@@ -97,14 +96,9 @@ class OpenKeys:
         if self._again:
             self.read()
             return
-        if isinstance(job.error, FacePoserError):
-            self.keys, self.error = None, str(job.error)
-        elif isinstance(job.error, MemoryError):
-            self.keys, self.error = None, NO_MEMORY
-        elif job.error is not None:
-            raise job.error
-        elif job.result is not None:
-            self.keys, self.error = job.result, ""
+        keys, error = outcome(job, TOO_LARGE)
+        if error or keys is not None:
+            self.keys, self.error = keys, error
 
     def close(self) -> None:
         """Cancel the background work."""

@@ -3,15 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-from faceposer.errors import FacePoserError
 from faceposer.gui.context import EditorContext
 from faceposer.gui.widgets.modal import draw_job, modal
 from faceposer.progress import Progress
-from faceposer.session.jobs import ThreadJob
+from faceposer.session.jobs import ThreadJob, outcome
 
 _WIDTH = 28.0
 #: Report of a lack of memory.
-NO_MEMORY = "There is not enough memory for these key poses; use fewer of them, or smaller meshes."
+TOO_LARGE = "use fewer key poses, or smaller meshes."
 
 
 class KeyWork:
@@ -72,14 +71,11 @@ class KeyWork:
         self._context.redraw()
         # A job that failed or was cancelled may have written some of its files.
         self._read()
-        if isinstance(job.error, FacePoserError):
-            self._context.dialogs.report(self._failure, str(job.error))
-        elif isinstance(job.error, MemoryError):
-            self._context.dialogs.report(self._failure, NO_MEMORY)
-        elif job.error is not None:
-            raise job.error
+        result, error = outcome(job, TOO_LARGE)
+        if error:
+            self._context.dialogs.report(self._failure, error)
         elif not job.cancelled:
-            self._done(job.result)
+            self._done(result)
         self._ended()
 
     def draw(self) -> None:

@@ -1,5 +1,7 @@
 """Actions of photos in menus and on keys."""
 
+from functools import partial
+
 from faceposer.gui.actions import Action
 from faceposer.gui.features.photo.photos import Photos
 
@@ -12,6 +14,9 @@ def photo_actions(photos: Photos) -> tuple[Action, ...]:
 
     def has_photo() -> bool:
         return free() and photos.photo is not None
+
+    def can_put_back() -> bool:
+        return has_photo() and not photos.put_back_problem
 
     return (
         Action("photo-open", "Open photo...", "File", photos.ask, (), free, help="Pose the face from a photo"),
@@ -54,15 +59,6 @@ def photo_actions(photos: Photos) -> tuple[Action, ...]:
             help="Find the face in the photo and pose the character after it, without pins",
         ),
         Action(
-            "photo-save",
-            "Save picture with the face...",
-            "File",
-            photos.save_picture,
-            (),
-            lambda: has_photo() and photos.can_put_back,
-            help="Write the photo with the face as it is now as a PNG image",
-        ),
-        Action(
             "photo-look",
             "Look through the photo",
             "View",
@@ -86,10 +82,34 @@ def photo_actions(photos: Photos) -> tuple[Action, ...]:
             "photo-put-back",
             "Put the face back",
             "View",
-            photos.putting_back.toggle,
+            photos.put_back,
             (),
-            lambda: has_photo() and photos.can_put_back,
+            can_put_back,
             lambda: photos.putting_back.on,
             help="Show the photo with the face as it is now, in the photo's light",
+        ),
+        Action(
+            "photo-wipe",
+            "Wipe between photo and face",
+            "View",
+            photos.toggle_wipe,
+            ("Shift+W",),
+            has_photo,
+            lambda: photos.wipe.on,
+            help="Divide the view by a line that can be dragged: the photo on its left, the face on its right",
+        ),
+        *(
+            Action(
+                f"photo-wipe-{side}",
+                f"Move the wipe {side}",
+                "View",
+                partial(photos.wipe.move, step),
+                (f"Ctrl+{side.capitalize()}",),
+                lambda: photos.wipe.shown,
+                repeats=True,
+                help=f"Move the line between photo and face to the {side}",
+                listed=False,
+            )
+            for side, step in (("left", -1), ("right", 1))
         ),
     )

@@ -31,6 +31,19 @@ class TakeExpression:
         """True while a face is being found."""
         return self._job is not None
 
+    @property
+    def job(self) -> "ThreadJob[tuple[PhotoExpression, str]] | None":
+        """The work in progress that is wanted, or None."""
+        return None if self._job is None or self._job.cancelled else self._job
+
+    def cancel(self) -> bool:
+        """Cancel the work; return True if there was any."""
+        if self.job is None:
+            return False
+        self.job.cancel()
+        self._context.redraw()
+        return True
+
     def start(self, photo: Photo) -> None:
         """Find the face in ``photo`` of the session."""
         if self._job is not None:
@@ -48,8 +61,8 @@ class TakeExpression:
             progress.at("Taking the expression")
             return expression_of(found, model), note_of_others(found)
 
-        self._job = ThreadJob(work, self._context.wake)
-        self._context.notify("Finding the face in the photo...")
+        self._job = ThreadJob(work, self._context.wake, "Finding the face")
+        self._context.redraw()
 
     def update(self) -> None:
         """Pose the face once the expression is known, unless the photo is gone.
@@ -61,6 +74,7 @@ class TakeExpression:
         if job is None or not job.done or self._context.busy:
             return
         self._job = None
+        self._context.redraw()
         if isinstance(job.error, FacePoserError):
             self._context.dialogs.report("No expression was taken", str(job.error))
         elif job.error is not None:

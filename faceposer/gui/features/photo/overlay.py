@@ -5,13 +5,18 @@ from imgui_bundle import imgui
 from faceposer.geometry.picking import SurfacePoints
 from faceposer.gui.context import EditorContext
 from faceposer.gui.overlays.pins import draw_badge, draw_label
-from faceposer.gui.widgets.theme import EDGE, TARGET, WARNING, u32
+from faceposer.gui.widgets.text import shortened
+from faceposer.gui.widgets.theme import ACCENT, EDGE, INK, TARGET, WARNING, em, u32
 from faceposer.photo.photo import Place
 from faceposer.photo.places import anchor_of
+from faceposer.session.jobs import Job
 
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 # Pixels at normal density between a pin and its place on the face from which a line connects them.
 _LEAST_DISTANCE = 2.0
+# Padding, width and height of the bar of work in the background, distance from the top of the view, in font sizes, and
+# the period of a bar without a known share in seconds.
+_PADDING, _BAR, _TOP, _PERIOD = (0.9, 0.5), (12.0, 0.3), 1.0, 1.6
 
 
 def place_title(context: EditorContext, place: Place) -> str:
@@ -79,3 +84,35 @@ def _draw_next(context: EditorContext, draw: imgui.ImDrawList, place: Place) -> 
     title = place_title(context, place)
     sided = " (the person's left)" if "left" in title else " (the person's right)" if "right" in title else ""
     draw_badge(draw, viewport, f"Press on the photo: {title}{sided}", 0.0, warm=True)
+
+
+def draw_busy(context: EditorContext, draw: imgui.ImDrawList, job: Job[object], hint: str = "") -> None:
+    """Draw what is being done in the background over the view, with a bar of its progress.
+
+    Args:
+        context: The editor.
+        draw: The list of the view.
+        job: The work.
+        hint: What the user can do meanwhile, or "".
+    """
+    viewport = context.viewport
+    room = viewport.size[0] - 2.0 * em(_PADDING[0] + 1.0)
+    if room < em(4.0):
+        return
+    text = shortened(f"{job.stage}...{f'  {hint}' if hint else ''}", room)
+    size = imgui.calc_text_size(text)
+    width = max(size.x, min(em(_BAR[0]), room))
+    left = round(viewport.origin[0] + 0.5 * (viewport.size[0] - width))
+    top = round(viewport.origin[1] + em(_TOP + _PADDING[1]))
+    bar = top + size.y + em(0.35)
+    low, high = (left - em(_PADDING[0]), top - em(_PADDING[1])), (left + width + em(_PADDING[0]), bar + em(0.8))
+    draw.add_rect_filled(low, high, u32(EDGE, 0.80), em(0.4))
+    draw.add_text((left + 0.5 * (width - size.x), top), u32(INK), text)
+    context.widget_rects.place("photo-busy", (*low, *high))
+    share, begin = min(job.share, 1.0), 0.0
+    if share <= 0.0:
+        begin = (imgui.get_time() / _PERIOD) % 1.0 * 1.3 - 0.3
+        share, begin = min(begin + 0.3, 1.0), max(begin, 0.0)
+    draw.add_rect_filled((left, bar), (left + width, bar + em(_BAR[1])), u32(INK, 0.15), em(0.15))
+    done = (left + begin * width, bar), (left + share * width, bar + em(_BAR[1]))
+    draw.add_rect_filled(*done, u32(ACCENT), em(0.15))

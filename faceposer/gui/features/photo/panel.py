@@ -1,6 +1,7 @@
 """Tab of the photos: the list, the layers, the camera and the pins."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
@@ -10,7 +11,16 @@ from faceposer.geometry.picture_view import PictureView
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.overlay import place_title
 from faceposer.gui.features.photo.photos import Photos
-from faceposer.gui.widgets.basic import action_button, button_width, caption, choice, heading, wrapped_text
+from faceposer.gui.widgets.basic import (
+    action_button,
+    button_width,
+    caption,
+    choice,
+    disabled,
+    fitted_button,
+    heading,
+    wrapped_text,
+)
 from faceposer.gui.widgets.sliders import slider
 from faceposer.gui.widgets.text import shortened, widget_id, wrapped
 from faceposer.gui.widgets.theme import FAINT, INK, WARNING, Icon, em, u32
@@ -27,12 +37,10 @@ _FOCALS_MM = (12.0, 400.0)
 def draw_photo_tab(photos: Photos) -> None:
     """Draw the tab."""
     context = photos.context
-    action_button(context.widget_rects, context.actions["photo-open"], -1.0, strong=not photos.photos)
     if not photos.photos:
-        imgui.spacing()
-        caption("Open a photo, or drop one onto the window. A few pins on it determine its camera.")
-        caption("All tools then work over the photo, and the pins can pose the face.")
+        _draw_ways(photos)
         return
+    action_button(context.widget_rects, context.actions["photo-open"], -1.0)
     for i in range(len(photos.photos)):
         imgui.push_id(i)
         removed = _draw_row(photos, i)
@@ -46,13 +54,47 @@ def draw_photo_tab(photos: Photos) -> None:
         imgui.push_style_color(imgui.Col_.text, ImVec4(*WARNING))
         wrapped_text(f"{Icon.WARNING} The file cannot be read: {photo.path}")
         imgui.pop_style_color()
-    takes = photos.takes_expressions
-    reason = "" if takes else "This character has none of ARKit's shapes; set pins and pose from them."
     action = context.actions["photo-expression"]
-    action_button(context.widget_rects, action, -1.0, strong=takes and not photo.pins, reason=reason)
+    unknown = not photo.pins and photo.expression is None
+    strong = photos.takes_expressions and unknown
+    action_button(context.widget_rects, action, -1.0, strong=strong, reason=_takes_problem(photos))
+    if _way(photos, "photo-to-head", "Head from photos...", "Make a new character of the person in these photos"):
+        photos.make_head([Path(one.path) for one in photos.photos])
     _draw_layers(photos, photo)
     _draw_camera(photos, photo)
     _draw_pins(photos, photo)
+
+
+def _takes_problem(photos: Photos) -> str:
+    return "" if photos.takes_expressions else "This character has none of ARKit's shapes; set pins and pose from them."
+
+
+def _way(photos: Photos, name: str, label: str, tip: str, usable: bool = True) -> bool:
+    """Draw a button that takes a photo to a face; return True if it was pressed."""
+    context = photos.context
+    with disabled(not usable or context.busy):
+        return fitted_button(context.widget_rects, label, name, imgui.get_content_region_avail().x, tip)
+
+
+def _draw_ways(photos: Photos) -> None:
+    """Draw what can be done with a photo, while there is none."""
+    context = photos.context
+    title = context.session.model.character.title
+    caption("Open a photo in one of three ways, or drop it onto the window.")
+    imgui.spacing()
+    if _way(photos, "photo-to-head", "Head from photos...", "Make a new character of photos of a person"):
+        photos.make_head()
+    caption("The person becomes a character.")
+    imgui.spacing()
+    takes, problem = photos.takes_expressions, _takes_problem(photos)
+    tip = "Open a photo behind the face, find the face in it, and pose the character after it"
+    if _way(photos, "photo-to-expression", "Take the expression...", f"{tip}\n{problem}".strip(), takes):
+        photos.ask_and_take_expression()
+    caption(f"{title} gets it, without pins." if takes else problem)
+    imgui.spacing()
+    if _way(photos, "photo-to-pins", "Set pins...", "Open a photo behind the face and mark features of the face on it"):
+        photos.ask_and_pin()
+    caption("By hand: for any character, and for drawings.")
 
 
 def _draw_row(photos: Photos, index: int) -> bool:
@@ -99,6 +141,9 @@ def _draw_layers(photos: Photos, photo: Photo) -> None:
         photos.change(replace(photo, opacity=min(max(opacity, 0.0), 1.0)), "Opacity of the photo")
 
     context.slider_edit.update(context.session, "photo-opacity", "Opacity of the photo", changed, apply)
+    _draw_wipe(photos)
+    imgui.same_line()
+    _draw_putting_back(photos)
     shown = context.actions["photo-shown"]
     pressed, _ = imgui.checkbox("Show the photo", photo.visible)
     context.widget_rects.record("photo-shown")
@@ -115,22 +160,30 @@ def _draw_layers(photos: Photos, photo: Photo) -> None:
             context.viewport.view = replace(view if not locked else view.back(), locked=locked)
     if not photos.aligned:
         action_button(context.widget_rects, context.actions["photo-look"], -1.0, strong=True)
-    _draw_putting_back(photos)
+    action_button(context.widget_rects, context.actions["photo-save"], -1.0, reason=photos.put_back_problem)
+
+
+def _draw_wipe(photos: Photos) -> None:
+    """Draw the switch of the line between photo and face."""
+    context, wipe = photos.context, photos.wipe
+    action = context.actions["photo-wipe"]
+    pressed, _ = imgui.checkbox("Wipe", wipe.on)
+    context.widget_rects.record("photo-wipe")
+    keys = " and ".join(key for side in ("left", "right") if (key := context.actions[f"photo-wipe-{side}"].shortcut))
+    tooltip(f"{action.tooltip}\n{f'{keys} move it.' if keys else ''}".strip())
+    if pressed and action.enabled():
+        action.run()
 
 
 def _draw_putting_back(photos: Photos) -> None:
     context = photos.context
-    action, save = context.actions["photo-put-back"], context.actions["photo-save"]
-    imgui.begin_disabled(not photos.can_put_back)
-    pressed, _ = imgui.checkbox("Put the face back", photos.putting_back.on and photos.can_put_back)
-    imgui.end_disabled()
+    action, problem = context.actions["photo-put-back"], photos.put_back_problem
+    with disabled(bool(problem)):
+        pressed, _ = imgui.checkbox("Put the face back", photos.putting_back.on and not problem)
     context.widget_rects.record("photo-put-back")
-    reason = "" if photos.can_put_back else "\nTake the expression of the photo first."
-    tooltip(f"{action.tooltip}{reason}")
+    tooltip(f"{action.tooltip}\n{problem}".strip())
     if pressed and action.enabled():
         action.run()
-    if photos.putting_back.on and photos.can_put_back:
-        action_button(context.widget_rects, save, -1.0, "Save picture...")
 
 
 def _draw_camera(photos: Photos, photo: Photo) -> None:
@@ -140,7 +193,8 @@ def _draw_camera(photos: Photos, photo: Photo) -> None:
     count = len(residuals)
     if count < LEAST_POINTS:
         more = LEAST_POINTS - count
-        caption(f"Set {more} more pin{'s' if more > 1 else ''} to align the rotation of the head.")
+        way = "Take the expression, or set" if photos.takes_expressions and not count else "Set"
+        caption(f"{way} {counted(more, 'more pin')} to align the rotation of the head.")
     else:
         height = _projected_height(context, photo)
         mean = float(np.mean(list(residuals.values())))
@@ -182,7 +236,8 @@ def _draw_pins(photos: Photos, photo: Photo) -> None:
     context, tool = photos.context, photos.tool
     heading(context.fonts, "Pins")
     width = button_width(2)
-    action_button(context.widget_rects, context.actions["photo-pin"], width, "Set pins")
+    only_way = not photos.takes_expressions and not photo.pins
+    action_button(context.widget_rects, context.actions["photo-pin"], width, "Set pins", strong=only_way)
     imgui.same_line()
     action_button(context.widget_rects, context.actions["photo-skip"], width, "Skip")
     ready = photos.has_enough_pins and tool.next_place(context.viewport) is None and not _posed(context, photo)

@@ -1,10 +1,13 @@
 """What the tab "Photo" and its actions know of the photos of a session."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Protocol
 
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.photo.expression import TakeExpression
 from faceposer.gui.features.photo.putting_back import PuttingBack
+from faceposer.gui.features.photo.wipe import Wipe
 from faceposer.photo.photo import Photo, Place
 from faceposer.tools.photo_tool import PhotoTool
 
@@ -16,20 +19,24 @@ class Photos(Protocol):
         context: The editor.
         expression: The expression of a photo, found in the background.
         putting_back: The photo with the face as it is now.
+        wipe: The line between photo and face.
     """
 
     context: EditorContext
     expression: TakeExpression
     putting_back: PuttingBack
+    wipe: Wipe
 
     @property
-    def can_put_back(self) -> bool:
-        """True if it is known how the active photo shows the face, so that the face can be put back into it."""
+    def put_back_problem(self) -> str:
+        """Why the face cannot be put back into the active photo, and what to do, one sentence; "" if it can."""
         ...
 
-    def save_picture(self) -> None:
-        """Ask for a file, and write the photo with the face as it is now to it."""
-        ...
+    def put_back(self) -> None:
+        """Show the photo with the face put back, seen through its camera, or photo and face again."""
+
+    def toggle_wipe(self) -> None:
+        """Divide the view by a line between photo and face, seen through the photo's camera, or no longer."""
 
     @property
     def photos(self) -> tuple[Photo, ...]:
@@ -73,6 +80,19 @@ class Photos(Protocol):
 
     def ask(self) -> None:
         """Ask for a photo file and open it."""
+
+    def ask_and_take_expression(self) -> None:
+        """Ask for a photo file, open it, and pose the face after it without pins."""
+
+    def ask_and_pin(self) -> None:
+        """Ask for a photo file, open it, and start to set pins."""
+
+    def open(self, path: Path) -> bool:
+        """Add the photo ``path`` to the session as one step of the history and look through it; True if it is open."""
+        ...
+
+    def make_head(self, paths: Sequence[Path] = ()) -> None:
+        """Open the dialog that makes a character of the person in the photos ``paths``."""
 
     def choose(self, index: int) -> None:
         """Activate photo ``index`` and look through it."""

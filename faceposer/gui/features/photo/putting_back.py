@@ -1,24 +1,17 @@
 """The photo with the face as it is now, in the view: computed in the background after each change."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from faceposer.errors import FacePoserError
-from faceposer.files import paths
 from faceposer.gui.context import EditorContext
-from faceposer.gui.settings import last_folder
-from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.photo.photo import Photo
 from faceposer.progress import Progress
-from faceposer.render.images import write_png
 from faceposer.render.offscreen import photo_texture
-from faceposer.session.jobs import ThreadJob
-from faceposer.session.photos import check_no_photo
+from faceposer.session.jobs import ThreadJob, outcome
 from faceposer.session.session import Session
 
 if TYPE_CHECKING:
@@ -28,6 +21,8 @@ if TYPE_CHECKING:
 _LARGEST, _GRID = 1400, 500
 
 Pixels = NDArray[np.uint8]
+# How the photo shows the face, and the face that is put back into it.
+State = tuple[object, object]
 
 
 class PuttingBack:
@@ -42,41 +37,70 @@ class PuttingBack:
         self.on = False
         self._context = context
         self._job: ThreadJob[Pixels] | None = None
-        self._saving: tuple[ThreadJob[None], Path] | None = None
-        self._asked: object = None
-        self._shown: object = None
+        self._asked: State | None = None
+        self._shown: State | None = None
         self._texture: moderngl.Texture | None = None
         self._head: tuple[object, HeadInPhoto] | None = None
+        # True once the face itself was shown after the last picture: it stays until there is a new one.
+        self._left = False
 
-    def possible(self, photo: Photo) -> bool:
+    @staticmethod
+    def possible(photo: Photo) -> bool:
         """Return True if it is known how ``photo`` shows the face."""
         return photo.expression is not None and photo.camera is not None
 
-    def toggle(self) -> None:
+    @property
+    def job(self) -> ThreadJob[Pixels] | None:
+        """The work on a picture that is wanted, or None."""
+        return self._job if self.on else None
+
+    def switch(self, on: bool) -> None:
         """Show it, or photo and face again."""
-        self.on = not self.on
+        if on == self.on:
+            return
+        self.on, self._left = on, False
+        if not on and self._job is not None:
+            self._job.cancel()
         self._context.redraw()
 
     def picture(self, photo: Photo) -> moderngl.Texture | None:
-        """Return the texture of ``photo`` with the present face, or None before it is known, and during gestures."""
-        self._take_result()
-        context, session = self._context, self._context.session
+        """Return the texture of ``photo`` with the face, or None if the face itself has to be shown.
+
+        While a new picture is computed, the last one is returned, unless the face was shown since, as in gestures.
+        """
         if not self.on or not self.possible(photo):
             return None
-        if context.toolbox.active or session.editing or session.solving or session.preview is not None:
+        if self._face_moves():
+            self._left = True
             return None
-        state = (id(session), session.revision, photo)
+        state = self._state(photo)
         if self._shown == state:
+            self._left = False
             return self._texture
         if self._job is None:
             self._asked = state
-            self._job = ThreadJob(self._work(session, photo), context.wake)
-        return None
+            self._job = ThreadJob(self._work(self._context.session, photo), self._context.wake, "Reading the photo")
+        elif self._asked != state:
+            self._job.cancel()
+        kept = self._shown is not None and self._shown[0] == state[0] and not self._left
+        return self._texture if kept else None
+
+    def _face_moves(self) -> bool:
+        """Return True while the face itself must be seen: it is being changed, or compared with the neutral one."""
+        context, session = self._context, self._context.session
+        changing = context.toolbox.active or session.editing or session.solving or session.preview is not None
+        return changing or context.playing or context.comparing
+
+    def _state(self, photo: Photo) -> State:
+        session = self._context.session
+        before = (session, photo.path, photo.camera, photo.expression)
+        pose = session.coefficients.tobytes()
+        return before, (session.model, session.document.identity, session.document.contact, pose)
 
     def _work(self, session: Session, photo: Photo) -> Callable[[Progress], Pixels]:
         """Return the work for the present state of ``session``."""
         vertices, model, identity = session.vertices, session.base_model, session.document.identity
-        key = (photo.path, photo.camera, photo.expression, id(model))
+        key = (photo.path, photo.camera, photo.expression, model)
 
         def work(progress: Progress) -> Pixels:
             # Imported late to shorten the start of the window.
@@ -85,71 +109,33 @@ class PuttingBack:
 
             if self._head is None or self._head[0] != key:
                 self._head = (key, head_in_photo(model, photo, _LARGEST, _GRID))
+            progress.at("Putting the face back")
             return put_back(self._head[1], vertices, skin_change(model, identity), progress)
 
         return work
 
-    def _take_result(self) -> None:
+    def update(self) -> None:
         """Upload the picture once it is computed.
 
         Raises:
             Exception: The error of the work, unless the user can resolve it; then a dialog shows it.
         """
-        self._take_saved()
         job = self._job
         if job is None or not job.done:
             return
         self._job = None
-        if isinstance(job.error, FacePoserError):
+        self._context.redraw()
+        pixels, problem = outcome(job, "close other programs, or use a smaller photo.")
+        if problem and self.on:
             self.on = False
-            self._context.dialogs.report("The face cannot be put back into the photo", str(job.error))
-        elif job.error is not None:
-            raise job.error
-        elif job.result is not None:
+            self._context.dialogs.report("The face cannot be put back into the photo", problem)
+        elif pixels is not None and self._asked is not None:
             self._release_texture()
-            self._texture, self._shown = photo_texture(self._context.gl, job.result), self._asked
-            self._context.redraw()
-
-    def ask_for_file(self, photo: Photo) -> None:
-        """Ask for a file, and write the photo with the present face to it."""
-        folder = Path(photo.path).parent
-        start = folder if paths.can_enter(folder) else last_folder(self._context.settings)
-        place = start / f"{Path(photo.path).stem}-changed.png"
-
-        def save(path: Path) -> None:
-            session = self._context.session
-            vertices, model, identity = session.vertices, session.base_model, session.document.identity
-            try:
-                check_no_photo(session.document, path)
-            except FacePoserError as error:
-                self._context.dialogs.report("The picture was not saved", str(error))
-                return
-
-            def work(progress: Progress) -> None:
-                from faceposer.photo.putting_back import put_back
-                from faceposer.session.putting_back import head_in_photo, skin_change
-
-                head = head_in_photo(model, photo)
-                write_png(path, put_back(head, vertices, skin_change(model, identity), progress))
-
-            self._saving = (ThreadJob(work, self._context.wake), path)
-            self._context.notify(f"Writing {path.name}...")
-
-        self._context.ask_for_file(FileRequest("save", "Save picture", "Pictures", (".png",), place, save))
-
-    def _take_saved(self) -> None:
-        if self._saving is None or not self._saving[0].done:
-            return
-        (job, path), self._saving = self._saving, None
-        if isinstance(job.error, FacePoserError):
-            self._context.dialogs.report("The picture was not saved", str(job.error))
-        elif job.error is not None:
-            raise job.error
-        else:
-            self._context.notify(f"{path.name} written")
+            self._texture, self._shown = photo_texture(self._context.gl, pixels), self._asked
 
     def forget(self) -> None:
-        """Forget the picture, such as for another session."""
+        """Switch it off and forget the picture, such as for another session."""
+        self.switch(False)
         self._release_texture()
         self._shown = self._asked = self._head = None
 
@@ -160,6 +146,5 @@ class PuttingBack:
 
     def join(self) -> None:
         """Wait for the work."""
-        for job in (self._job, self._saving and self._saving[0]):
-            if job is not None:
-                job.join()
+        if self._job is not None:
+            self._job.join()

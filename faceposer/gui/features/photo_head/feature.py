@@ -11,8 +11,10 @@ from imgui_bundle import imgui
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.head_making.feature import HeadMakingFeature
 from faceposer.gui.features.head_making.state import Words
-from faceposer.gui.widgets.sliders import row_label, slider
+from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
+from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.tooltips import tooltip
+from faceposer.identity.photos import LIKELIHOODS
 from faceposer.photo.reading import PHOTO_SUFFIXES
 from faceposer.progress import Progress
 from faceposer.session.document import Document
@@ -23,15 +25,18 @@ from faceposer.session.solver_worker import Worker
 if TYPE_CHECKING:
     from faceposer.gui.features.photo_head.work import MarkedPhoto, PhotoHead
 
-# Decimal logarithm of the greatest weight of the density of heads, and of its inverse.
-_MOST = 0.7
+_LIKENESS_TIP = (
+    "How closely the head follows the photos. Left: as like as possible, unusual if need be. Right: more like usual "
+    "heads. 1 is the most probable head."
+)
+_LABEL = 6.0
 
 
 class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
     """State of the dialog that makes a character of photos of a person.
 
     Attributes:
-        likelihood: Decimal logarithm of the weight of the density of heads: negative for more likeness.
+        likelihood: Weight of the density of heads: below 1 for more likeness.
         painting: True for paintings and drawings, whose light cannot be trusted.
     """
 
@@ -52,7 +57,12 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
 
     def __init__(self, context: EditorContext) -> None:
         super().__init__(context)
-        self.likelihood, self.painting = 0.0, False
+        self.likelihood, self.painting = 1.0, False
+
+    def show(self) -> None:
+        """Open the dialog, with the options as they are at first."""
+        self.likelihood, self.painting = 1.0, False
+        super().show()
 
     def work_of_finding(self, files: Sequence[str]) -> Callable[[Progress], "list[MarkedPhoto]"]:
         """Return the function that reads the photos and finds their faces."""
@@ -64,19 +74,26 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
         """Return the function that makes the character."""
         from faceposer.gui.features.photo_head import work
 
-        return partial(work.fit_head, marked, 10.0**self.likelihood, self.title.strip(), self.painting)
+        return partial(work.fit_head, marked, self.likelihood, self.title.strip(), self.painting)
 
     def draw_options(self) -> None:
         """Draw the balance between likeness and likelihood, and the choice of paintings."""
-        tip = "Left: as much like the photo as possible; right: a head that is more usual. 1 balances both."
-        row_label("Likelihood", tip)
-        imgui.set_next_item_width(-1.0)
-        text = f"{10.0**self.likelihood:.2f}"
-        _, value = slider("##likelihood", self.likelihood, -_MOST, _MOST, text)
-        self.likelihood = value if math.isfinite(value) else 0.0
-        self.context.widget_rects.record("photo-head:likelihood")
+        rects = self.context.widget_rects
+        row_label("Likeness", _LIKENESS_TIP, _LABEL)
+        end = "Likelihood"
+        imgui.set_next_item_width(slider_room() - text_width(end) - imgui.get_style().item_spacing.x)
+        flags = imgui.SliderFlags_.logarithmic.value | imgui.SliderFlags_.clamp_on_input.value
+        _, value = slider("##likelihood", self.likelihood, *LIKELIHOODS, "%.2f", flags)
+        self.likelihood = value if math.isfinite(value) else 1.0
+        rects.record("photo-head:likelihood")
+        tooltip(_LIKENESS_TIP)
+        imgui.same_line()
+        imgui.text_unformatted(end)
+        tooltip(_LIKENESS_TIP)
+        if reset_button(rects, "photo-head:likelihood", self.likelihood == 1.0, "Reset to 1"):
+            self.likelihood = 1.0
         _, self.painting = imgui.checkbox("Painting or drawing", self.painting)
-        self.context.widget_rects.record("photo-head:painting")
+        rects.record("photo-head:painting")
         tooltip("Shape from landmarks alone; the skin keeps the painter's colours, whatever light they stand for")
 
     def opened(self, result: "PhotoHead", path: Path) -> None:

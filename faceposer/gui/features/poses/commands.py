@@ -11,9 +11,9 @@ from faceposer.errors import FacePoserError
 from faceposer.files import paths
 from faceposer.files.user_folders import home_folder
 from faceposer.gui.context import EditorContext
-from faceposer.gui.features.poses.name_dialog import NameDialog
 from faceposer.gui.features.poses.portraits import FILE_SIZE, Portraits
 from faceposer.gui.features.poses.state import AppliedPose, Category, PoseMask
+from faceposer.gui.name_dialog import NameDialog
 from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.poses.applying import (

@@ -24,7 +24,7 @@ from faceposer.gui.widgets.modal import draw_job, modal
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
 from faceposer.progress import Progress
-from faceposer.session.jobs import ThreadJob
+from faceposer.session.jobs import ThreadJob, outcome
 from faceposer.session.sketching import prior_of, solver_input
 from faceposer.solve.constraints.registry import Constraint
 from faceposer.solve.priors import Prior
@@ -162,7 +162,7 @@ class TrajectoriesFeature(Feature):
         """Start a solve that the tool has requested, and load the result of one that has ended.
 
         Raises:
-            Exception: The error of the solve, unless it was cancelled.
+            Exception: The error of the solve, unless the user can resolve it; then a dialog reports it.
         """
         self.tool.follow_history(self.context.session.depth)
         if self.chosen and not self.tool.drawn:
@@ -181,10 +181,11 @@ class TrajectoriesFeature(Feature):
         self.context.redraw()
         if job.cancelled:
             return
-        if job.error is not None:
-            raise job.error
-        if job.result is not None and self._request is not None:
-            self._load_result(self._request, job.result)
+        result, error = outcome(job, "use fewer frames.")
+        if error:
+            self.context.dialogs.report("The trajectories were not solved", error)
+        elif result is not None and self._request is not None:
+            self._load_result(self._request, result)
 
     # Solving
 

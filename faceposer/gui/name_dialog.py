@@ -1,4 +1,4 @@
-"""Dialog that asks for the name of a pose."""
+"""Dialog that asks for the name of a pose or a key pose."""
 
 from collections.abc import Callable
 
@@ -14,14 +14,14 @@ from faceposer.poses.pose_file import LONGEST_NAME
 
 
 class NameDialog:
-    """Dialog that asks for the name of a pose, and for confirmation if the name is in use."""
+    """Dialog that asks for a name, and for confirmation if a pose of this name exists."""
 
     def __init__(self, context: EditorContext) -> None:
         """Ask in the window of ``context``."""
         self._context = context
         self._done: Callable[[str, bool], None] | None = None
         self._title = self._verb = self._name = self._problem = ""
-        self._exists = False
+        self._exists = self._refused = False
 
     @property
     def open(self) -> bool:
@@ -57,8 +57,10 @@ class NameDialog:
         modal_title(context.fonts, self._title)
         buttons = (("accept", "Replace" if self._exists else self._verb), ("cancel", "Cancel"))
         with modal_body(buttons):
-            if imgui.is_window_appearing():
+            if imgui.is_window_appearing() or self._refused:
+                # A name that was refused is typed again.
                 imgui.set_keyboard_focus_here()
+                self._refused = False
             imgui.set_next_item_width(-1.0)
             before = self._name
             _, self._name = imgui.input_text_with_hint(
@@ -90,6 +92,6 @@ class NameDialog:
         except PoseExistsError:
             self._problem, self._exists = f"A pose named '{self._name.strip()}' exists already.", True
         except FacePoserError as error:
-            self._problem, self._exists = str(error), False
+            self._problem, self._exists, self._refused = str(error), False, True
         else:
             self._done = None
