@@ -94,6 +94,7 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
     progress = progress or Progress()
     progress.at("Preparing the model of heads")
     basis, places = head_basis(), load_face_places()
+    progress.check()
     good = _good_frames(film, track, basis, places)
     progress.at("Fitting the head")
     images = {}
