@@ -64,3 +64,11 @@ class Progress:
         """
         if self.cancelled():
             raise CancelledError
+
+    def part(self, begin: float, end: float) -> "Progress":
+        """Return the progress of a part of the work, whose shares 0 to 1 are ``begin`` to ``end`` of the whole."""
+
+        def shown(stage: str, share: float) -> None:
+            self.show(stage, begin + (end - begin) * min(max(share, 0.0), 1.0))
+
+        return Progress(shown, self.cancelled)

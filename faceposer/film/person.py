@@ -89,7 +89,7 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
         progress: Progress to update.
 
     Raises:
-        FacePoserError: If the face is always seen from the side.
+        FacePoserError: If the face is always turned too far to a side.
     """
     progress = progress or Progress()
     progress.at("Preparing the model of heads")

@@ -53,6 +53,17 @@ class PaintedMesh:
         return VertexNormals(self.triangles, len(self.vertices))(self.vertices)
 
     @cached_property
+    def vertex_colours(self) -> Array:
+        """Colours of the vertices, 0 to 255, shape (N, 3), those of textures included."""
+        colours = np.broadcast_to(self.colours, (len(self.vertices), 3)).astype(np.float64)
+        for corner in range(3):
+            shares = np.zeros((len(self.triangles), 3))
+            shares[:, corner] = 1.0
+            faces = np.arange(len(self.triangles))
+            colours[self.triangles[:, corner]] = _colours(self, faces, self.triangles, shares)
+        return colours
+
+    @cached_property
     def textures(self) -> tuple[NDArray[np.uint8], ...]:
         """The decoded images, reduced to at most 1024 pixels, top row first, each of shape (h, w, 3)."""
         return tuple(map(_decoded, self.images))

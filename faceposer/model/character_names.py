@@ -28,9 +28,14 @@ def checked_short_name(text: object, label: str) -> str:
     name = checked_title(text, label)
     if any(mark in name for mark in "/\\:") or set(name) == {"."}:
         raise FacePoserError(f"{label} cannot be a path such as '{name}'; give a name such as 'my-head'.")
-    if name.casefold() in {path.stem.casefold() for path in asset_path("characters").glob("*.npz")}:
+    if is_installed(name):
         raise FacePoserError(f"{label} cannot be '{name}', which is a built-in character; give another name.")
     return name
+
+
+def is_installed(name: str) -> bool:
+    """Return True if an installed character has the short ``name``, in upper or lower case."""
+    return name.casefold() in {path.stem.casefold() for path in asset_path("characters").glob("*.npz")}
 
 
 def file_stem(title: str) -> str:

@@ -16,7 +16,6 @@ from faceposer.identity.photos.face_places import load_face_places
 from faceposer.identity.photos.head_basis import head_basis
 from faceposer.identity.photos.head_from_photos import check_turns
 from faceposer.identity.photos.landmark_fit import LandmarkFit, fit_landmarks
-from faceposer.landmarks.feature_points import feature_pixels
 from faceposer.model.character import ARKIT_SHAPES
 from faceposer.model.face_model import FaceModel
 from faceposer.model.shape_names import weight_map
@@ -75,14 +74,14 @@ def expression_of(found: FaceInPhoto, model: FaceModel) -> PhotoExpression:
     """Return the expression of the face ``found`` on the character of ``model``.
 
     Raises:
-        FacePoserError: If the face is seen from the side, or the character has none of ARKit's shapes.
+        FacePoserError: If the face is turned too far, or the character has none of ARKit's shapes.
     """
     check_takes(model, "photos", "pin its points on the photo instead (--pins)")
     basis = head_basis()
     fit = fit_landmarks([found.face], basis, load_face_places())
     check_turns(fit, [str(found.path)])
     pose = pose_of_weights(model, basis.character.shape_names, basis.model.weights_of(fit.state.views[0].pose))
-    pins = tuple(Pin(name, pixel) for name, pixel in feature_pixels(found.full_landmarks()).items())
+    pins = tuple(Pin(name, pixel) for name, pixel in found.features().items())
     width, height = found.file.size
     inside = tuple(pin for pin in pins if 0.0 <= pin.pixel[0] <= width and 0.0 <= pin.pixel[1] <= height)
     photo = Photo(str(found.path.absolute()), found.file.size, inside, focal=found.file.focal)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ from faceposer.photo.reading import (
 _SIDE, _LARGEST_SIDE = 2048, 8192
 # Height of a face, in pixels, below which it is read again at the larger size, and below which it is too small.
 _SMALL, _LEAST = 250.0, 60.0
+# Half the side of the part around a face that is kept of large photos, as a multiple of the face's.
+_CUT = 1.25
 # Longest side at which other faces are looked for, and least logarithm of the odds of one.
 _SIDE_OF_OTHERS, _CERTAIN = 1024, 12.0
 # Standard deviation of the logarithm of a focal length that is known.
@@ -47,31 +49,68 @@ class FaceInPhoto:
     Attributes:
         path: The image file.
         file: Its properties.
-        pixels: The image, reduced if it is large, shape (h, w, 3).
+        pixels: The image, reduced if it is large, or the part around the face, shape (h, w, 3).
         face: The face, in pixels of ``pixels``.
+        placed: Pixels of ``pixels`` of the feature points that were placed by hand, by name.
+        whole: Width of the whole image that was reduced, or 0 if ``pixels`` is whole.
+        corner: Left top corner of ``pixels`` in it.
     """
 
     path: Path
     file: PhotoFile
     pixels: NDArray[np.uint8]
     face: PhotoFace
+    placed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    whole: int = 0
+    corner: tuple[int, int] = (0, 0)
 
     @property
     def factor(self) -> float:
         """Pixels of the photo per pixel of ``pixels``."""
-        return self.file.size[0] / self.pixels.shape[1]
+        return self.file.size[0] / (self.whole or self.pixels.shape[1])
+
+    def in_photo(self, pixel: tuple[float, float]) -> tuple[float, float]:
+        """Return the pixel of the photo of a ``pixel`` of ``pixels``."""
+        return (self.factor * (pixel[0] + self.corner[0]), self.factor * (pixel[1] + self.corner[1]))
+
+    def cut(self) -> "FaceInPhoto":
+        """Return the part of the photo around the face if the photo is large, for the memory's sake."""
+        if max(self.pixels.shape[:2]) <= _SIDE:
+            return self
+        found = self.face.landmarks
+        low, high = found.box[:2], found.box[2:]
+        middle, half = 0.5 * (low + high), _CUT * float((high - low).max())
+        height, width = self.pixels.shape[:2]
+        x0, y0 = np.maximum(np.floor(middle - half), 0).astype(int).tolist()
+        x1, y1 = np.minimum(np.ceil(middle + half), (width, height)).astype(int).tolist()
+        moved = replace(
+            found,
+            points=found.points - (x0, y0, 0.0),
+            iris=found.iris - (x0, y0, 0.0),
+            box=found.box - (x0, y0, x0, y0),
+        )
+        u, v = self.face.centre
+        face = replace(self.face, landmarks=moved, size=(x1 - x0, y1 - y0), principal=(u - x0, v - y0))
+        return replace(
+            self,
+            pixels=self.pixels[y0:y1, x0:x1].copy(),
+            face=face,
+            placed={name: (x - x0, y - y0) for name, (x, y) in self.placed.items()},
+            whole=self.whole or width,
+            corner=(self.corner[0] + x0, self.corner[1] + y0),
+        )
 
     def full_camera(self, camera: Camera) -> Camera:
         """Return ``camera`` of ``pixels`` for the whole photo."""
-        principal = camera.principal_point * self.factor
+        u, v = self.in_photo((float(camera.principal_point[0]), float(camera.principal_point[1])))
         width, height = self.file.size
-        shift = (float(principal[0]) - width / 2.0, float(principal[1]) - height / 2.0)
+        shift = (u - width / 2.0, v - height / 2.0)
         return replace(camera, focal=camera.focal * self.factor, size=self.file.size, shift=shift)
 
-    def full_landmarks(self) -> Landmarks:
-        """Return the landmarks in pixels of the whole photo."""
-        found, factor = self.face.landmarks, self.factor
-        return replace(found, points=factor * found.points, iris=factor * found.iris, box=factor * found.box)
+    def features(self) -> dict[str, tuple[float, float]]:
+        """Return the pixels of the whole photo of feature points by name: as placed, else as landmarks imply."""
+        places = {**feature_pixels(self.face.landmarks), **self.placed}
+        return {name: self.in_photo(place) for name, place in places.items()}
 
 
 def read_face(
@@ -120,7 +159,7 @@ def read_face(
 
 
 def note_of_others(found: FaceInPhoto) -> str:
-    """Return a note that the photo shows other faces than ``found``, and which is taken; "" if it does not.
+    """Return a note that the whole photo shows other faces than ``found``, and which is taken; "" if it does not.
 
     Faces of at least a third of its height count.
     """
@@ -139,7 +178,7 @@ def note_of_others(found: FaceInPhoto) -> str:
             others += 1
     if not others:
         return ""
-    u, v = (found.factor * float(place) for place in middle)
+    u, v = found.in_photo((float(middle[0]), float(middle[1])))
     return (
         f"{counted(others + 1, 'face')} were found; the most distinct one, at ({u:.0f}, {v:.0f}), is taken. For "
         "another, cut the photo to it."
@@ -205,4 +244,5 @@ def with_moved_features(found: FaceInPhoto, moved: Mapping[str, tuple[float, flo
     points[:, :2] += kernel(points[:, :2]) @ weights
     for eye, name in enumerate(_PUPILS):
         iris[eye, :, :2] += offsets[names.index(name)]
-    return replace(found, face=replace(found.face, landmarks=replace(landmarks, points=points, iris=iris)))
+    face = replace(found.face, landmarks=replace(landmarks, points=points, iris=iris))
+    return replace(found, face=face, placed={**found.placed, **moved})

@@ -6,6 +6,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from faceposer.errors import FacePoserError
@@ -21,7 +24,7 @@ Array = NDArray[np.float64]
 SIDE = 800
 # Margin around the head, as a share of its height in the photo.
 _MARGIN = 0.5
-_LIDS = ("lids_left", "lids_right")
+_LIDS, _LIPS = ("lids_left", "lids_right"), ("lip_upper", "lip_lower", "mouth")
 # Regions whose skin shows the light, without hair; other characters' whole skin is used.
 _BARE = ("nose", "cheek_left", "cheek_right", "mouth", "jaw", "forehead", "brow_left", "brow_right", *_LIDS)
 # Width of the edge of the face, as a share of the height of the head.
@@ -32,6 +35,22 @@ _FACING, _MOST_SAMPLES = 0.35, 20_000
 _DARKEST = 0.2
 # Heights above the lower end of the mesh between which the neck begins to belong to the head, as shares of its height.
 _NECK = (0.05, 0.25)
+# Upward part of normals of the neutral head below which skin joined to the neck is the underside of the jaw.
+_UNDERSIDE = -0.45
+# How far the angle of the jaw is before the ears, as a share of the head's height.
+_ANGLE = 0.05
+# Distance from the inside of the mouth, in heights of the head, up to which what is darker than such a share of the
+# lips' brightness belongs to it.
+_CORNERS, _SHADED = 0.025, 0.5
+# Height of the ends of the head, as a share of its own.
+_END = 0.02
+# Rings of triangles around the neck that belong to it.
+_RINGS = 3
+_EARS = ("ear_left", "ear_right")
+# Regions of the face above the jaw.
+_ABOVE = tuple(name for name in _BARE if name != "jaw")
+# Limit of the logarithm of the tint of skin.
+_MOST_TINT = 0.6
 # Most cells of the grid per pixel of the photo, along each side.
 _FINEST = 4
 # Least height of a head in pixels.
@@ -98,7 +117,19 @@ class HeadInPhoto:
         # A whole number of cells per pixel, so that their means are exact.
         factor = float(min(int(factor), _FINEST)) if factor >= 2.0 else min(factor, 1.0)
         size = (max(round(factor * (right - left)), 1), max(round(factor * (bottom - top)), 1))
-        return cls(character, posed, pixels, (left, top, right, bottom), _part(camera, (left, top), factor, size), name)
+        return cls(
+            character,
+            posed,
+            pixels,
+            (left, top, right, bottom),
+            part_of_camera(camera, (left, top), factor, size),
+            name,
+        )
+
+    @cached_property
+    def pixel(self) -> float:
+        """Width of a pixel of the photo on the grid, in pixels of the grid."""
+        return self.camera.size[0] / (self.box[2] - self.box[0])
 
     @cached_property
     def head_height(self) -> float:
@@ -141,7 +172,138 @@ class HeadInPhoto:
     @cached_property
     def lids(self) -> NDArray[np.bool_]:
         """The triangles of the lids, shape (T,); none if the character has no such regions."""
+        return self._of_regions(_LIDS)
+
+    @cached_property
+    def middles_of_lids(self) -> Array:
+        """The middles of the lids of each eye, shape (n, 3), none if the character has no such regions."""
         regions = [self.character.regions[name] for name in _LIDS if name in self.character.regions]
+        return np.array([self.vertices[ids].mean(axis=0) for ids in regions]).reshape(-1, 3)
+
+    @cached_property
+    def depth_in_eyes(self) -> Array:
+        """Distance of each pixel of the grid that shows an eye from the eye's edge, 0 elsewhere, shape (h, w)."""
+        return self._depth_in(self.eyes)
+
+    @cached_property
+    def depth_in_mouth(self) -> Array:
+        """Distance of each pixel that shows the inside of the mouth from its edge, 0 elsewhere, shape (h, w)."""
+        return self._depth_in(self.inside)
+
+    @cached_property
+    def away_from_mouth(self) -> Array:
+        """Distance of each pixel of the grid from the inside of the mouth, or from where closed lips meet, (h, w).
+
+        What is dark beside it, such as the corners of the mouth, belongs to it, since lips of the model and of the
+        photo are never exactly the same.
+        """
+        faces, (width, height) = self.surface.faces, self.camera.size
+        inside = ((faces >= 0) & self.inside[faces]).reshape(height, width)
+        upper, lower = (((faces >= 0) & self._of_regions((name,))[faces]).reshape(height, width) for name in _LIPS[:2])
+        inside |= upper & ndimage.binary_dilation(lower)
+        if not inside.any():
+            return np.full((height, width), float(height))
+        brightness = self.picture.mean(axis=2)
+        lips = upper | lower
+        if lips.any():
+            near = ndimage.distance_transform_edt(~inside) < _CORNERS * self.head_height
+            dark = near & (brightness < _SHADED * np.median(brightness[lips]))
+            inside = ndimage.binary_propagation(inside, mask=inside | dark)
+        result: Array = ndimage.distance_transform_edt(~inside)
+        return result
+
+    def _depth_in(self, triangles: NDArray[np.bool_]) -> Array:
+        faces, (width, height) = self.surface.faces, self.camera.size
+        shown = (faces >= 0) & triangles[faces]
+        result: Array = ndimage.distance_transform_edt(shown.reshape(height, width))
+        return result
+
+    @cached_property
+    def _usual_colour(self) -> Array:
+        """The middle colour of the face in the photo, 0 to 1, shape (3,); that of all of the head if nothing tells."""
+        surface = self.surface
+        face = surface.of_vertices(self.face[:, None])[:, 0] > 0.5
+        colours = self.picture.reshape(-1, 3)[surface.at[face] if face.any() else surface.at].astype(np.float64)
+        result: Array = np.median(colours, axis=0) if len(colours) else np.ones(3)
+        return result
+
+    @cached_property
+    def brightness(self) -> float:
+        """Brightness of the face in the photo, 0 to 1."""
+        return max(float(self._usual_colour.mean()), 0.02)
+
+    @cached_property
+    def tint(self) -> Array:
+        """Colour of the face in the photo relative to its brightness, shape (3,)."""
+        usual = np.log(np.maximum(self._usual_colour, 0.02))
+        result: Array = np.exp(np.clip(usual - usual.mean(), -_MOST_TINT, _MOST_TINT))
+        return result
+
+    @cached_property
+    def ends_of_axis(self) -> Array:
+        """The middles of its top and its lower end in the photo, shape (2, 3)."""
+        height = self.character.vertices[:, 1]
+        low, high = float(height.min()), float(height.max())
+        return np.stack(
+            [self.vertices[np.abs(height - level) <= _END * (high - low)].mean(axis=0) for level in (high, low)]
+        )
+
+    @cached_property
+    def underside(self) -> Array:
+        """1 for the vertices that look down on the neutral head, else 0, shape (N,)."""
+        vertices = self.character.vertices.astype(np.float32)
+        up = VertexNormals(self.character.triangles, len(vertices))(vertices)[:, 1]
+        return (up < _UNDERSIDE).astype(np.float64)
+
+    @cached_property
+    def behind(self) -> Array:
+        """1 for skin behind the face in the photo: neck and underside of the jaw, else 0, shape (N,).
+
+        It is 0 if the character has no such regions.
+        """
+        count, regions = len(self.character.vertices), self.character.regions
+
+        def among(names: tuple[str, ...]) -> NDArray[np.bool_]:
+            result = np.zeros(count, dtype=bool)
+            for name in names:
+                result[regions.get(name, np.zeros(0, dtype=np.intp))] = True
+            return result
+
+        neck, ears, face = among(("neck",)), among(_EARS), among(_ABOVE)
+        places = self.character.vertices.astype(np.float32)
+        # The jaw ends below the ears; the sides of the neck are farther back.
+        back = places[:, 2] < places[ears, 2].max(initial=-np.inf) + _ANGLE * self.character.height
+        back &= places[:, 1] < (places[ears, 1].mean() if ears.any() else -np.inf)
+        for _ in range(_RINGS):
+            neck[self.character.triangles[neck[self.character.triangles].any(axis=1)]] = True
+        under = neck | ((self.underside > 0.0) | back) & ~(face | ears)
+        edges = np.concatenate([self.character.triangles[:, [0, 1]], self.character.triangles[:, [1, 2]]])
+        edges = edges[under[edges].all(axis=1)]
+        links = coo_matrix((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count))
+        groups = connected_components(links, directed=False)[1]
+        result: Array = (under & np.isin(groups, np.unique(groups[neck]))).astype(np.float64)
+        return result
+
+    @cached_property
+    def lips(self) -> NDArray[np.bool_]:
+        """The triangles of the lips, shape (T,); none if the character has no such regions."""
+        return self._of_regions(_LIPS) & ~self.inside
+
+    @cached_property
+    def redness(self) -> Array:
+        """1 for the vertices of the red of the lips, else 0, shape (N,)."""
+        result = np.zeros(len(self.character.vertices))
+        result[self.character.triangles[self.red_of_lips]] = 1.0
+        return result
+
+    @cached_property
+    def red_of_lips(self) -> NDArray[np.bool_]:
+        """The triangles of the red of the lips, shape (T,); none if the character has no such regions."""
+        return self._of_regions(_LIPS[:2]) & ~self.inside
+
+    def _of_regions(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+        """Return the mask of the triangles of the skin in regions with ``names``, shape (T,)."""
+        regions = [self.character.regions[name] for name in names if name in self.character.regions]
         found = np.zeros(len(self.character.vertices), dtype=bool)
         found[np.concatenate([*regions, np.zeros(0, dtype=np.int64)]).astype(np.intp)] = True
         result = triangles_of(self.character, ("skin",))
@@ -210,7 +372,7 @@ def _resized(camera: Camera, size: tuple[int, int]) -> Camera:
     return replace(camera, focal=camera.focal * factor, size=size, shift=shift)
 
 
-def _part(camera: Camera, corner: tuple[int, int], factor: float, size: tuple[int, int]) -> Camera:
+def part_of_camera(camera: Camera, corner: tuple[int, int], factor: float, size: tuple[int, int]) -> Camera:
     """Return the camera of the part of an image from ``corner``, enlarged by ``factor`` to ``size``."""
     principal = (camera.principal_point - corner) * factor
     shift = (float(principal[0]) - size[0] / 2.0, float(principal[1]) - size[1] / 2.0)

@@ -14,6 +14,8 @@ Indices = NDArray[np.int64]
 
 # Difference of the offsets of neighbours at an edge, in pixels of the grid.
 _JUMP = 3.0
+# Offsets, in pixels of the grid, that change nothing.
+_STILL = 1e-3
 # Cells of a strip at most, and the pixels around it to which a cubic spline reaches (0.27^16 of its values are left).
 _CELLS, _REACH = 2**18, 16
 
@@ -113,19 +115,27 @@ def _difference(
     moved = np.stack([place - shift for place, shift in zip(places, shifts, strict=True)])
     around = [np.clip(np.arange(low, high), 0, height - 1), np.clip(np.arange(-_REACH, width + _REACH), 0, width - 1)]
     unmoved = np.stack(np.meshgrid(*(o - s for o, s in zip(own, shifts, strict=True)), indexing="ij"))
+    # Elsewhere nothing is added.
+    chosen = (np.abs(offsets) > _STILL).any(axis=2) | (light != 0.0).any(axis=2) | (drawn > 0.0)
+    moved, unmoved, light, colours = moved[:, chosen], unmoved[:, chosen], light[chosen], colours[chosen]
+    share = drawn[chosen]
     result = np.empty((bottom - top, width, 3), dtype=np.float32)
+    added = np.zeros(drawn.shape, dtype=np.float32)
     for channel in range(3):
         source = part[..., channel][around[0]][:, around[1]].astype(np.float32) / np.float32(255.0)
         smooth = ndimage.spline_filter(source, output=np.float32, mode="nearest")
-        before, warped = (
-            np.clip(
-                ndimage.map_coordinates(smooth, place, np.float32, order=3, mode="nearest", prefilter=False), 0.0, 1.0
-            )
-            for place in (unmoved, moved)
-        )
-        lit = warped * np.exp(light[..., channel])
-        added = (1.0 - drawn) * lit + drawn * colours[..., channel] - before
+        warped = _looked_up(smooth, moved)
+        # Between pixels, the photo is what the spline has there.
+        before = source[tuple(unmoved.astype(np.int64))] if cells == 1 else _looked_up(smooth, unmoved)
+        added[chosen] = (1.0 - share) * warped * np.exp(light[:, channel]) + share * colours[:, channel] - before
         result[..., channel] = added.reshape(bottom - top, cells, width, cells).mean(axis=(1, 3))
+    return result
+
+
+def _looked_up(smooth: Image32, places: Array) -> Image32:
+    """Return the values of a spline with the coefficients ``smooth`` at ``places``, (2, n), between 0 and 1, (n,)."""
+    values = ndimage.map_coordinates(smooth, places, np.float32, order=3, mode="nearest", prefilter=False)
+    result: Image32 = np.clip(values, 0.0, 1.0)
     return result
 
 

@@ -7,6 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from faceposer.geometry.camera import Camera
 from faceposer.geometry.texture_images import DECODER_ERRORS
@@ -23,6 +25,8 @@ _LARGEST_TEXTURE = 1024
 # The lining of the mouth: skin up to this far above and below the lips, and this far behind their inner edges, as
 # shares of the head's height.
 _LINING_REACH, _LINING_DEPTH = 0.1, 0.02
+# Distance of a piece of the lining from the middle of the lips, up or down and behind, as shares of the head's height.
+_BETWEEN = (0.02, 0.15)
 #: Feature points of the corners of the mouth and of the middles of the inner edges of the lips.
 _CORNERS, _MIDDLES = ("2.4", "2.5"), ("2.2", "2.3")
 
@@ -140,8 +144,24 @@ def inside_of_mouth(character: Character) -> NDArray[np.bool_]:
     edge = middle[2] + (0.5 * (left[2] + right[2]) - middle[2]) * np.minimum(aside, 1.0) ** 2
     near = np.abs(vertices[:, 1] - middle[1]) < _LINING_REACH * character.height
     lining = (aside < 1.0) & near & (vertices[:, 2] < edge - _LINING_DEPTH * character.height)
-    skin = triangles_of(character, ("skin",))
-    result |= skin & lining[character.triangles].all(axis=1)
+    skin = triangles_of(character, ("skin",)) & lining[character.triangles].all(axis=1)
+    result[np.flatnonzero(skin)[_between_lips(character, character.triangles[skin], middle)]] = True
+    return result
+
+
+def _between_lips(character: Character, triangles: Ints, middle: Array) -> NDArray[np.bool_]:
+    """Return which of ``triangles``, (n, 3), belong to pieces of the skin that begin between the lips, (n,).
+
+    Others are as far behind the lips, too: the fold above the chin, and the neck.
+    """
+    edges = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    count = len(character.vertices)
+    links = coo_matrix((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count))
+    pieces = connected_components(links, directed=False)[1]
+    above = np.abs(character.vertices[:, 1] - middle[1]) / character.height
+    behind = (middle[2] - character.vertices[:, 2]) / character.height
+    begins = np.unique(pieces[(above < _BETWEEN[0]) & (behind < _BETWEEN[1])])
+    result: NDArray[np.bool_] = np.isin(pieces[triangles[:, 0]], begins)
     return result
 
 

@@ -1,4 +1,4 @@
-"""The available characters: installed with the program, imported by the user, and in other files."""
+"""The available characters: installed with the program, imported or made by the user, and in other files."""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from faceposer.files import paths
 from faceposer.files.names import is_hidden
 from faceposer.files.user_folders import data_folder
 from faceposer.model.character_file import available_characters, load_character, read_title, save_character
-from faceposer.model.character_names import checked_title
+from faceposer.model.character_names import checked_title, is_installed
 
 SUFFIX = ".npz"
 
@@ -18,7 +18,7 @@ Home = Literal["installed", "library", "elsewhere"]
 
 
 def library_folder() -> Path:
-    """Return the folder of the imported characters, which may not exist."""
+    """Return the folder of the user's characters, imported or made, which may not exist."""
     return data_folder() / "characters"
 
 
@@ -29,7 +29,7 @@ class LibraryEntry:
     Attributes:
         name: Name of an installed character, or the absolute path of its file.
         title: Displayed title.
-        home: Origin: "installed" with the program, imported into the "library", or a file "elsewhere".
+        home: Origin: "installed" with the program, of the user's "library", or a file "elsewhere".
     """
 
     name: str
@@ -81,9 +81,12 @@ class CharacterLibrary:
         return self._titles[path][1]
 
     def new_path(self, stem: str) -> Path:
-        """Return an unused file name in the library for a new character; the folder may not exist."""
+        """Return an unused file name in the library for a new character; the folder may not exist.
+
+        It is not that of an installed character either.
+        """
         path, number = self.folder / f"{stem}{SUFFIX}", 2
-        while paths.exists(path):
+        while paths.exists(path) or is_installed(path.stem):
             path, number = self.folder / f"{stem}-{number}{SUFFIX}", number + 1
         return path
 
@@ -106,7 +109,7 @@ class CharacterLibrary:
         """
         title = checked_title(title)
         if character.home != "library":
-            raise FacePoserError("Only imported characters can be renamed.")
+            raise FacePoserError("Only characters under 'My characters' can be renamed.")
         save_character(character.name, replace(load_character(character.name), title=title))
 
     def remove(self, character: LibraryEntry) -> None:
@@ -116,7 +119,7 @@ class CharacterLibrary:
             FacePoserError: If it cannot be deleted.
         """
         if character.home != "library":
-            raise FacePoserError("Only imported characters can be removed.")
+            raise FacePoserError("Only characters under 'My characters' can be removed.")
         try:
             Path(character.name).unlink()
         except OSError as error:

@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,11 @@ from faceposer.photo.reading import inspect_photo, read_photo
 from faceposer.progress import Progress
 from faceposer.session.session import Session
 
-# Side of the image in which the colour of skin changes, and limit of the change of its logarithm.
-_SKIN, _MOST_CHANGE = 512, 0.6
+if TYPE_CHECKING:
+    from faceposer.identity.identity import SkinTexture
+
+# Side of the image in which the colour of skin changes, its blur, and limit of the change of its logarithm.
+_SKIN, _GRAIN, _MOST_CHANGE = 256, 0.5, 0.6
 # Changes of the labels of skins below which its colours stay.
 _SAME = 0.02
 
@@ -86,8 +90,6 @@ def skin_change(model: FaceModel, identity: Identity | None) -> NDArray[np.float
     from faceposer.identity.editing import head_editor
     from faceposer.identity.identity import is_editable
     from faceposer.identity.skin_following import NATURAL_LABELS, following_skin
-    from faceposer.identity.skin_layers import SkinLayers
-    from faceposer.identity.texture_model import load_texture_model
 
     if not is_editable(model.character):
         return None
@@ -95,16 +97,29 @@ def skin_change(model: FaceModel, identity: Identity | None) -> NDArray[np.float
     before, after = editor.measure(editor.own), editor.measure(identity)
     if all(abs(after[name] - before[name]) < _SAME for name in NATURAL_LABELS):
         return None
-    own = editor.own_texture()
-    changed = following_skin(own, before, after)
-    bare = SkinLayers(hair="none", brows="none", beard=0.0)
-    texture = load_texture_model()
-    logs = [
-        np.log(np.maximum(texture.instance(one.coefficients, bare, _SKIN).astype(np.float32), 3.0))
-        for one in (own, changed)
-    ]
+    own, log = _own_skin(model)
     # The grain of the pores is not the person's.
-    change = ndimage.gaussian_filter(logs[1] - logs[0], (1.0, 1.0, 0.0))
+    change = ndimage.gaussian_filter(_log_of(following_skin(own, before, after)) - log, (_GRAIN, _GRAIN, 0.0))
     # The tone is the person's, whatever the skins of a few old and young people have.
     change -= np.median(change, axis=(0, 1))
     return np.clip(change, -_MOST_CHANGE, _MOST_CHANGE)
+
+
+@lru_cache(maxsize=2)
+def _own_skin(model: FaceModel) -> "tuple[SkinTexture, NDArray[np.float32]]":
+    """Return the skin of the character of ``model`` and the logarithm of its bare colours."""
+    from faceposer.identity.editing import head_editor
+
+    own = head_editor(model.character).own_texture()
+    return own, _log_of(own)
+
+
+def _log_of(skin: "SkinTexture") -> NDArray[np.float32]:
+    """Return the logarithm of the colours of a ``skin`` without hair, shape (size, size, 3)."""
+    from faceposer.identity.skin_layers import SkinLayers
+    from faceposer.identity.texture_model import load_texture_model
+
+    bare = SkinLayers(hair="none", brows="none", beard=0.0)
+    colours = load_texture_model().instance(skin.coefficients, bare, _SKIN).astype(np.float32)
+    result: NDArray[np.float32] = np.log(np.maximum(colours, 3.0))
+    return result

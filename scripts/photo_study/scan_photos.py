@@ -30,7 +30,11 @@ _FAR = 1.0
 
 
 class ScanStudy:
-    """Trials on random photos of a scan."""
+    """Trials on random photos of a scan.
+
+    Attributes:
+        mesh: The scan, upright and in centimetres.
+    """
 
     def __init__(self, study: Study, path: str) -> None:
         """Prepare the scan in the file ``path``, upright and in centimetres by its landmarks."""
@@ -39,14 +43,14 @@ class ScanStudy:
         points = landmarks.points
         known = np.isfinite(points).all(axis=1)
         frame = align(points[known], reference().places[known])
-        self._mesh = PaintedMesh(
+        self.mesh = PaintedMesh(
             frame.apply(mesh.vertices), mesh.triangles, mesh.colours, mesh.uv, mesh.image_of, mesh.images
         )
-        triangles = self._mesh.triangles
-        self._surface = NearestSurface(self._mesh.vertices, triangles, np.arange(len(triangles)))
+        triangles = self.mesh.triangles
+        self._surface = NearestSurface(self.mesh.vertices, triangles, np.arange(len(triangles)))
         edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         pairs, counts = np.unique(edges, axis=0, return_counts=True)
-        self._border = np.zeros(len(self._mesh.vertices), dtype=bool)
+        self._border = np.zeros(len(self.mesh.vertices), dtype=bool)
         self._border[pairs[counts == 1].ravel()] = True
 
     def trials(self, number: int, views: Sequence[int]) -> Iterator[Trial]:
@@ -55,7 +59,7 @@ class ScanStudy:
         rng = np.random.default_rng(_FIRST_SEED + number)
         crops = []
         for low, high in YAWS[: max(views)]:
-            pixels, _ = picture_of(self._mesh, rng, float(rng.uniform(low, high)))
+            pixels, _ = picture_of(self.mesh, rng, float(rng.uniform(low, high)))
             face = find_landmarks(pixels)
             if face is not None:
                 crops.append(FaceCrop.of(PhotoFace(face, (SIZE, SIZE), 2.0 * SIZE, 0.3), pixels))
@@ -83,8 +87,8 @@ class ScanStudy:
         for _ in range(_ROUNDS):
             moved = frame.apply(skin)
             found, _ = self._surface.points(moved)
-            corners = found.corners(self._mesh.triangles)
-            places = found.positions(self._mesh.vertices, self._mesh.triangles)
+            corners = found.corners(self.mesh.triangles)
+            places = found.positions(self.mesh.vertices, self.mesh.triangles)
             far = np.linalg.norm(places - moved, axis=1)
             used = (far < _FAR) & ~self._border[corners].any(axis=1)
             frame = rigid_alignment(skin[used], places[used], np.ones(int(used.sum())), scale=True)

@@ -150,6 +150,16 @@ def test_bad_input_gets_one_sentence_and_no_file(
     assert [path.name for path in tmp_path.iterdir()] == ["bad.npz"]
 
 
+@pytest.mark.parametrize("words", [("new",), ("set", "woman", "age=.5"), ("fit", "x.obj"), ("fit-photo", "x.jpg")])
+def test_a_file_does_not_get_the_name_of_a_built_in_character(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    status, _, err = run_captured(capsys, "identity", *words, "-o", tmp_path / "Man.npz")
+    assert status == 2
+    assert "would be called 'Man', as a built-in one" in err
+    assert not list(tmp_path.iterdir())
+
+
 def test_outputs_do_not_replace_inputs(capsys: pytest.CaptureFixture[str], old: Path) -> None:
     content = old.read_bytes()
     for words in (("set", old, "age=.5"), ("mix", "man", old), ("new", "--base", old)):

@@ -7,7 +7,7 @@ import pytest
 from imgui_bundle import imgui
 
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
-from faceposer.gui.features.scan import work
+from faceposer.gui.features.scan import marked_scan
 from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.dialogs import Choice, Question
@@ -211,7 +211,7 @@ def test_a_dialog_of_heads_keeps_its_size_while_it_works(
         while True:
             progress.at(f"Waiting {'for a very long stage ' * (files is not None)}")
 
-    monkeypatch.setattr(work, "find_landmarks", wait)
+    monkeypatch.setattr(marked_scan, "find_landmarks", wait)
     robot = open_window("low", (1000, 800))
     robot.app.actions["scan"].run()
     robot.frames(6)

@@ -6,8 +6,9 @@ every line of the package that draws a widget: a new panel that it does not know
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,8 @@ from faceposer.gui.features.film.feature import FilmFeature
 from faceposer.gui.features.film.state import MadeKeys
 from faceposer.gui.features.film.stills import Stills
 from faceposer.gui.features.head.feature import HeadFeature
+from faceposer.gui.features.head_making.contents import Compared, MadeHead
 from faceposer.gui.features.head_making.feature import HeadMakingFeature
-from faceposer.gui.features.head_making.state import MadeHead
 from faceposer.gui.features.import_character.feature import ImportCharacterFeature
 from faceposer.gui.features.keys.feature import KeysFeature
 from faceposer.gui.features.photo_head.feature import PhotoHeadFeature
@@ -43,6 +44,7 @@ from faceposer.interchange.formats import FORMATS
 from faceposer.model.character_file import load_character, save_character
 from faceposer.model.performance import Performance
 from faceposer.poses.pose_file import Pose, write_pose
+from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
 from faceposer.session.key_proposals import create_keys
 from tests.gui.test_constraint_tools import make_all
@@ -440,9 +442,26 @@ class Face:
     image: np.ndarray
     pixels: dict[str, tuple[float, float]]
     moved: frozenset[str] = frozenset()
+    note: str = "Another face was found."
+
+    @property
+    def found_pixels(self) -> dict[str, tuple[float, float]]:
+        return self.pixels
 
     def with_moved(self, name: str, pixel: tuple[float, float]) -> "Face":
         return replace(self, pixels={name: pixel}, moved=frozenset({name}))
+
+    def with_reset(self, names: Collection[str]) -> "Face":
+        return replace(self, moved=self.moved - frozenset(names))
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedHead(MadeHead):
+    """A head that was compared with two pictures."""
+
+    @property
+    def views(self) -> tuple[Compared, ...]:
+        return (Compared("a", self.picture, self.picture), Compared("b", self.picture))
 
 
 def visit_head_making(robot: Robot, folder: Path) -> None:
@@ -457,12 +476,25 @@ def visit_head_making(robot: Robot, folder: Path) -> None:
         feature.files = [str(folder / "a"), str(folder / "b")]
         feature.error = "It failed."
         robot.frames(3)
-        feature.marked = [Face("a", image, {"8.3": (5.0, 5.0), "8.4": (9.0, 5.0)}), Face("b", image, {})]
+        faces = [Face("a", image, {"8.3": (5.0, 5.0), "8.4": (9.0, 5.0)}), Face("b", image, {})]
+        feature.landmarks.show(faces)
         robot.frames(3)
-        feature.result = MadeHead(load_character("low"), "It fits.", image)
+        ended = threading.Event()
+        feature.fitting = ThreadJob(partial(wait_for, ended), lambda: None, "Waiting")
+        feature.preview = image
+        robot.frames(3)
+        assert f"{feature.words.action[0]}:progress" in robot.app.widget_rects
+        ended.set()
+        feature.fitting.join()
+        feature.fitting = None
+        feature.result = ComparedHead(load_character("low"), "It fits.", image, doubt="Check it.")
         robot.frames(3)
         feature.close_dialog()
         robot.frames(3)
+
+
+def wait_for(ended: threading.Event, _: Progress) -> None:
+    ended.wait(10.0)
 
 
 def visit_film(robot: Robot, folder: Path) -> None:

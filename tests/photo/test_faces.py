@@ -1,5 +1,6 @@
 """Faces of photos: read in any form, or refused in one sentence; and their expressions on characters."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 from PIL import Image
 
 from faceposer.errors import FacePoserError
+from faceposer.geometry.camera import Camera
+from faceposer.identity.photos.landmark_fit import PhotoFace
 from faceposer.model.face_model import FaceModel
 from faceposer.photo.automatic import expression_of
 from faceposer.photo.faces import FaceInPhoto, read_face
@@ -62,8 +65,42 @@ def test_a_large_photo_is_reduced_and_its_camera_is_that_of_the_file(plain: Face
     found = read_face(tmp_path / "large.jpg")
     assert max(found.pixels.shape) == 2048
     assert found.factor == pytest.approx(1.5)
-    off = found.full_landmarks().points[:, :2] / 6.0 - plain.face.landmarks.points[:, :2]
+    off = found.factor * found.face.landmarks.points[:, :2] / 6.0 - plain.face.landmarks.points[:, :2]
     assert np.linalg.norm(off, axis=1).mean() < 2.0
+
+
+def test_of_a_large_photo_the_part_around_the_face_is_kept(plain: FaceInPhoto) -> None:
+    canvas, shift = np.zeros((2304, 2600, 3), dtype=np.uint8), np.array([1500, 900])
+    canvas[900:1412, 1500:2012] = plain.pixels
+    marks = plain.face.landmarks
+    moved = replace(
+        marks,
+        points=marks.points + (*shift, 0.0),
+        iris=marks.iris + (*shift, 0.0),
+        box=marks.box + np.tile(shift, 2),
+    )
+    face = PhotoFace(moved, (2600, 2304), 3000.0, 0.1)
+    file = replace(plain.file, size=(5200, 4608))
+    large = FaceInPhoto(plain.path, file, canvas, face, {"8.3": (1700.0, 1100.0)})
+    cut = large.cut()
+    assert plain.cut() is plain
+    assert cut.pixels.nbytes < 0.1 * canvas.nbytes
+    assert cut.factor == large.factor == 2.0
+    x, y = (cut.face.landmarks.points[4, :2] - 0.5).astype(int)
+    u, v = (moved.points[4, :2] - 0.5).astype(int)
+    np.testing.assert_array_equal(cut.pixels[y, x], canvas[v, u])
+    for name, pixel in large.features().items():
+        assert cut.features()[name] == pytest.approx(pixel, abs=1e-6)
+    # One camera, in pixels of either, is one camera of the photo.
+    rotation, translation = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 90.0])
+    whole = Camera(rotation, translation, 3000.0, (2600, 2304))
+    u, v = whole.principal_point - cut.corner
+    size = cut.face.size
+    part = Camera(rotation, translation, 3000.0, size, (u - size[0] / 2.0, v - size[1] / 2.0))
+    assert cut.face.centre == pytest.approx((u, v))
+    point = np.array([[3.0, -2.0, 4.0]])
+    np.testing.assert_allclose(cut.full_camera(part).project(point), large.full_camera(whole).project(point))
+    np.testing.assert_allclose(large.full_camera(whole).project(point), 2.0 * whole.project(point))
 
 
 def test_a_smile_is_taken_by_the_woman(plain: FaceInPhoto, woman: FaceModel) -> None:

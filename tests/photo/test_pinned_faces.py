@@ -24,7 +24,7 @@ def plain(photo: Path) -> FaceInPhoto:
 
 
 def test_pins_where_the_landmarks_are_move_nothing(photo: Path, plain: FaceInPhoto) -> None:
-    found = read_face(photo, pins=feature_pixels(plain.full_landmarks()))
+    found = read_face(photo, pins=plain.features())
     np.testing.assert_allclose(found.face.landmarks.points, plain.face.landmarks.points, atol=1e-6)
 
 
@@ -35,6 +35,9 @@ def test_landmarks_move_to_pins_and_the_pupil_takes_the_iris(photo: Path, plain:
     moved = feature_pixels(found.face.landmarks)
     for name, pixel in wanted.items():
         assert np.hypot(*np.subtract(moved[name], pixel)) < 1.3, name
+    # What is saved of them is exactly where they were placed.
+    for name, pixel in wanted.items():
+        assert found.features()[name] == pytest.approx(pixel, abs=1e-9)
     np.testing.assert_allclose(found.face.landmarks.iris[0] - plain.face.landmarks.iris[0], [[3.0, -2.0, 0.0]] * 5)
     # The other corner of the mouth stays.
     assert np.hypot(*np.subtract(moved["8.4"], places["8.4"])) < 0.5

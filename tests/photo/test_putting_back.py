@@ -10,6 +10,7 @@ from scipy import ndimage
 from faceposer.errors import FacePoserError
 from faceposer.geometry.camera import Camera
 from faceposer.model.face_model import FaceModel
+from faceposer.photo.glasses_in_photo import glasses_in
 from faceposer.photo.head_in_photo import HeadInPhoto
 from faceposer.photo.photo import Photo
 from faceposer.photo.putting_back import photo_change, put_back
@@ -44,6 +45,23 @@ def drawn(model: FaceModel, vertices: NDArray[np.floating]) -> tuple[Pixels, NDA
     return picture, ndimage.binary_erosion(front.reshape(SIZE[1], SIZE[0]), iterations=2)
 
 
+def chin(head: HeadInPhoto, vertices: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the pixel of the grid that shows the bottom of the chin."""
+    point = int(head.character.feature_points["2.1"])
+    return head.camera.project(np.asarray(vertices, dtype=np.float64)[[point]])[0]
+
+
+def blocks(model: FaceModel, weights: dict[str, float]) -> NDArray[np.float64]:
+    """Return the vertices of the face with ``weights`` of its shapes."""
+    return np.asarray(model.surface(model.coefficients_of(weights)), dtype=np.float64)
+
+
+def shown(head: HeadInPhoto, vertices: NDArray[np.float64]) -> tuple[SurfaceInPicture, NDArray[np.int64]]:
+    """Return the surface in the photo with ``vertices``, and the triangle at each of its pixels."""
+    surface = SurfaceInPicture.of(head.character, vertices, head.camera)
+    return surface, surface.faces[surface.at]
+
+
 @pytest.fixture(scope="module")
 def head(model: FaceModel) -> HeadInPhoto:
     picture, _ = drawn(model, model.surface(model.neutral()))
@@ -76,6 +94,10 @@ def test_a_changed_face_is_like_a_photo_of_it(model: FaceModel, head: HeadInPhot
     vertices = model.surface(model.coefficients_of(weights))
     truth, front = drawn(model, vertices)
     made = put_back(head, vertices)
+    # The neck below a jaw keeps the shadow of the photo, which this light does not cast.
+    surface, _ = shown(head, np.asarray(vertices, dtype=np.float64))
+    neck = surface.at[surface.of_vertices(head.behind[:, None])[:, 0] > 0.5]
+    front.reshape(-1)[neck] = False
     before, after = (np.abs(image.astype(float) - truth)[front].mean() for image in (head.pixels, made))
     assert after < 0.45 * before
     # Far from the head, nothing changes.
@@ -131,3 +153,141 @@ def test_the_expression_of_a_photo_is_kept_by_names_of_shapes(model: FaceModel) 
     found = photo.pose_of(model)
     assert found is not None
     np.testing.assert_allclose(found, pose, atol=1e-4)
+
+
+def test_no_seam_shows_where_a_jaw_moves_over_the_neck(model: FaceModel, head: HeadInPhoto) -> None:
+    """The photo's edge of the jaw is not exactly the model's; a jump of the offsets beside it would show it twice."""
+    opened = blocks(model, {"jawOpen": 0.7})
+    offsets = photo_change(head, opened).offsets
+    column, bottom = (int(value) for value in chin(head, opened))
+    fell = bottom - chin(head, head.vertices)[1]
+    assert fell > 8.0
+    near = offsets[bottom - 15 : bottom + 30, column - 40 : column + 41, 1]
+    assert np.abs(np.diff(near, axis=0)).max() < 0.3 * fell
+    # The edge moves along, and the cut of the neck stays.
+    assert offsets[bottom, column, 1] == pytest.approx(-fell, abs=0.2 * fell)
+    assert np.abs(offsets[-4:, column]).max() < 0.1 * fell
+
+
+def test_the_light_of_the_wall_stays(model: FaceModel, head: HeadInPhoto) -> None:
+    opened = blocks(model, {"jawOpen": 0.7})
+    surface, _ = shown(head, opened)
+    width, height = head.camera.size
+    away = np.ones(width * height, dtype=bool)
+    away[surface.at] = False
+    wall = ndimage.binary_erosion(away.reshape(height, width), iterations=3)
+    light = photo_change(head, opened).light
+    assert np.abs(light[wall]).max() < 0.005
+    assert np.abs(light).max() > 0.05
+
+
+def test_the_fold_above_the_chin_is_no_inside_of_the_mouth(model: FaceModel, head: HeadInPhoto) -> None:
+    _, triangles = shown(head, head.vertices)
+    corners = model.triangles[triangles[inside_of_mouth(model.character)[triangles]]]
+    middle = head.vertices[int(model.character.feature_points["2.3"]), 1]
+    assert np.abs(head.vertices[corners.reshape(-1), 1] - middle).max(initial=0.0) < 0.05 * model.character.height
+
+
+def test_opened_lips_do_not_show_the_line_between_them(model: FaceModel) -> None:
+    neutral = np.asarray(model.surface(model.neutral()), dtype=np.float64)
+    picture, _ = drawn(model, neutral)
+    # A dark line, a little lower than the model's lips meet.
+    points = model.character.feature_points
+    left, right, middle = CAMERA.project(neutral[[int(points[name]) for name in ("2.4", "2.5", "2.2")]])
+    low, high = sorted((int(left[0]), int(right[0])))
+    row = round(float(middle[1])) + 1
+    picture[row : row + 2, low - 2 : high + 3] = (60, 25, 20)
+    head = HeadInPhoto.of(model.character, neutral, CAMERA, picture, 300, "face.jpg")
+    opened = blocks(model, {"jawOpen": 0.7})
+    made = put_back(head, opened)
+    surface, triangles = shown(head, opened)
+    inside = np.zeros(SIZE[0] * SIZE[1], dtype=bool)
+    inside[surface.at[inside_of_mouth(model.character)[triangles]]] = True
+    mouth = inside.reshape(SIZE[1], SIZE[0])
+    assert mouth.sum() > 100
+    lips = ndimage.binary_dilation(mouth, iterations=5) & ~ndimage.binary_dilation(mouth, iterations=2)
+    usual = np.median(made[lips].mean(axis=1))
+    assert (made[lips].mean(axis=1) < 0.65 * usual).mean() < 0.03
+
+
+def test_eyes_that_lids_had_covered_are_drawn_and_no_brighter_than_skin(model: FaceModel, head: HeadInPhoto) -> None:
+    wide = blocks(model, {"eyeWideLeft": 1.0, "eyeWideRight": 1.0})
+    surface, triangles = shown(head, wide)
+    eyes = surface.at[head.eyes[triangles]]
+    _, before = shown(head, head.vertices)
+    covered = np.setdiff1d(eyes, head.surface.at[head.eyes[before]])
+    assert len(covered) > 20
+    change = photo_change(head, wide)
+    assert change.drawn.reshape(-1)[covered].mean() > 0.8
+    skin = head.picture.reshape(-1, 3)[head.surface.at[head.lids[before]]].mean(axis=1)
+    assert change.colours.reshape(-1, 3)[covered].mean(axis=1).max() < 1.3 * np.median(skin)
+
+
+def test_closed_lids_have_the_tone_of_the_skin_whatever_glasses_mirror(model: FaceModel, head: HeadInPhoto) -> None:
+    picture = head.pixels.copy()
+    _, triangles = shown(head, head.vertices)
+    lids = head.surface.at[head.lids[triangles]]
+    rows, columns = np.divmod(lids, SIZE[0])
+    glare = columns % 7 < 2
+    picture[rows[glare], columns[glare]] = 250
+    mirrored = HeadInPhoto.of(model.character, head.vertices, CAMERA, picture, 300, "face.jpg")
+    closed = blocks(model, {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0})
+    made = put_back(mirrored, closed)
+    surface, after = shown(head, closed)
+    width = SIZE[0]
+    lids = np.intersect1d(surface.at[head.lids[after]], head.surface.at[head.eyes[triangles]])
+    assert len(lids) > 100
+    upper = np.zeros(len(lids), dtype=bool)
+    for eye in (lids % width < width // 2, lids % width >= width // 2):
+        upper |= eye & (lids // width <= np.median(lids[eye] // width))
+    difference = np.abs(made - put_back(head, closed).astype(float)).reshape(-1, 3).mean(axis=1)
+    # The margins of lids, which are not stretched, are the photo's.
+    assert difference[lids[upper]].mean() < 24.0
+
+
+def test_all_grids_give_the_same_picture(model: FaceModel, head: HeadInPhoto) -> None:
+    vertices = blocks(model, {"jawOpen": 0.8, "browInnerUp": 0.8})
+    coarse = HeadInPhoto.of(model.character, head.vertices, CAMERA, head.pixels, 160, "face.jpg")
+    fine = HeadInPhoto.of(model.character, head.vertices, CAMERA, head.pixels, 520, "face.jpg")
+    pictures = [put_back(each, vertices).astype(float) for each in (coarse, head, fine)]
+    changed = np.abs(pictures[1] - head.pixels).max(axis=2) > 4.0
+    assert changed.mean() > 0.1
+    for other in (pictures[0], pictures[2]):
+        difference = np.abs(other - pictures[1]).mean(axis=2)
+        assert difference[changed].mean() < 1.8
+        assert (difference > 40.0).mean() < 1e-4
+
+
+def test_clothes_stay_when_a_jaw_opens(model: FaceModel) -> None:
+    """Below the head, the photo follows over a short distance only."""
+    higher = Camera(CAMERA.rotation, CAMERA.translation + (0.0, -6.0, 30.0), CAMERA.focal, SIZE)
+    neutral = np.asarray(model.surface(model.neutral()), dtype=np.float64)
+    wall = np.full((SIZE[1], SIZE[0], 3), 128, dtype=np.uint8)
+    head = HeadInPhoto.of(model.character, neutral, higher, wall, 300, "face.jpg")
+    offsets = photo_change(head, blocks(model, {"jawOpen": 1.0})).offsets
+    lowest = int(head.camera.project(head.vertices)[:, 1].max())
+    assert lowest < head.camera.size[1] - 40
+    assert np.abs(offsets).max() > 5.0
+    assert not offsets[lowest + round(0.13 * head.head_height) :].any()
+
+
+def test_glasses_do_not_move_with_the_brows(model: FaceModel) -> None:
+    neutral = np.asarray(model.surface(model.neutral()), dtype=np.float64)
+    picture, _ = drawn(model, neutral)
+    plain = HeadInPhoto.of(model.character, neutral, CAMERA, picture.copy(), 300, "face.jpg")
+    assert not glasses_in(plain).any()
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]] + 0.5
+    frames = np.zeros(rows.shape, dtype=bool)
+    for middle in CAMERA.project(plain.middles_of_lids):
+        distance = np.hypot((columns - middle[0]) / 1.2, rows - middle[1] - 2.0)
+        frames |= np.abs(distance - 16.0) < 1.5
+    picture[frames] = (25, 20, 20)
+    head = HeadInPhoto.of(model.character, neutral, CAMERA, picture, 300, "face.jpg")
+    assert (glasses_in(head) & frames).sum() > 0.6 * frames.sum()
+    raised = blocks(model, {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0})
+    made = put_back(head, raised)
+    assert made[frames].mean() < 40.0
+    forehead = CAMERA.project(neutral[model.character.regions["forehead"]]).mean(axis=0).astype(int)
+    assert (
+        made[forehead[1] - 8 : forehead[1] + 9, forehead[0]] != picture[forehead[1] - 8 : forehead[1] + 9, forehead[0]]
+    ).any()

@@ -74,9 +74,9 @@ def test_only_the_users_own_can_be_removed(library: CharacterLibrary, file: Path
     library.remove(own)
     assert not Path(own.name).exists()
     for other in (library.all()[0], LibraryEntry(str(file), "My own", "elsewhere")):
-        with pytest.raises(FacePoserError, match="imported"):
+        with pytest.raises(FacePoserError, match="My characters"):
             library.remove(other)
-        with pytest.raises(FacePoserError, match="imported"):
+        with pytest.raises(FacePoserError, match="My characters"):
             library.rename(other, "Else")
     assert file.exists()
     with pytest.raises(FacePoserError, match="cannot be deleted"):

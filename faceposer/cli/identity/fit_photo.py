@@ -89,10 +89,12 @@ def run(options: argparse.Namespace) -> int:
     if len(options.photos) > _MOST_PHOTOS:
         raise FacePoserError(f"There are {len(options.photos)} photos; give at most {_MOST_PHOTOS}.")
     pins = _pins_of(options)
-    found = [read_face(path, pins=given) for path, given in zip(options.photos, pins, strict=True)]
-    for one, given in zip(found, pins, strict=True):
+    found = []
+    for path, given in zip(options.photos, pins, strict=True):
+        one = read_face(path, pins=given)
         # Pins say which face is meant.
-        print_notes(one.path, "" if given else note_of_others(one))
+        print_notes(path, "" if given else note_of_others(one))
+        found.append(one.cut())
     name = options.name or options.output.stem
     line = ProgressLine()
     try:
@@ -163,12 +165,11 @@ def _write_session(options: argparse.Namespace, found: "Sequence[FaceInPhoto]", 
     from dataclasses import replace
 
     from faceposer.cli.opening import open_with_remark
-    from faceposer.landmarks.feature_points import feature_pixels
     from faceposer.photo.photo import Photo, Pin
 
     first = found[0]
     camera = first.full_camera(made.cameras[0])
-    pins = tuple(Pin(place, pixel) for place, pixel in feature_pixels(first.full_landmarks()).items())
+    pins = tuple(Pin(place, pixel) for place, pixel in first.features().items())
     photo = Photo(str(first.path.absolute()), first.file.size, pins, camera, first.file.focal)
     photo = photo.with_expression(made.model, made.poses[0])
     session = open_with_remark(str(options.output))

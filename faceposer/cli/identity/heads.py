@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from faceposer.cli.arguments import number, number_between, output_path
 from faceposer.errors import FacePoserError
 from faceposer.files.atomic import check_not_input, check_output
-from faceposer.model.character_names import checked_short_name, checked_title
+from faceposer.model.character_names import checked_short_name, checked_title, is_installed
 
 if TYPE_CHECKING:
     from faceposer.identity.editing import HeadEditor
@@ -112,10 +112,15 @@ def check_titles(options: argparse.Namespace) -> None:
     """Check the names of the character that ``options`` ask for.
 
     Raises:
-        FacePoserError: If a name is not possible.
+        FacePoserError: If a name is not possible, or if that of the file is the name of an installed character.
     """
     if options.name is not None:
         checked_short_name(options.name, "--name")
+    elif is_installed(name := options.output.stem.strip()):
+        raise FacePoserError(
+            f"The character in '{options.output}' would be called '{name}', as a built-in one; name the file "
+            "otherwise, or give another name with --name."
+        )
     if options.title is not None:
         checked_title(options.title, "--title")
 

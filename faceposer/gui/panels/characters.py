@@ -1,4 +1,4 @@
-"""The list of characters at the top of the side panel: installed ones, imported ones, and other files."""
+"""The list of characters at the top of the side panel: installed ones, those of the user, and other files."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from faceposer.gui.widgets.theme import FAINT, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.session.character_library import LibraryEntry
 
-_HEADINGS = {"library": "Imported", "elsewhere": "Opened from files"}
+_HEADINGS = {"library": "My characters", "elsewhere": "Opened from files"}
 _BUTTON = 1.6
 _NONE = ImVec4(0.0, 0.0, 0.0, 0.0)
 
@@ -46,7 +46,7 @@ def draw_characters(context: EditorContext) -> None:
 
 
 def _draw_row(context: EditorContext, entry: LibraryEntry) -> None:
-    """Draw an entry of the list, with the buttons for an imported or opened character."""
+    """Draw an entry of the list, with the buttons for one of the user's or an opened one."""
     current = entry.name == context.session.document.character
     buttons = {"installed": 0, "library": 2, "elsewhere": 1}[entry.home]
     width = imgui.get_content_region_avail().x

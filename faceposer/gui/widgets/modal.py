@@ -25,6 +25,8 @@ _FLAGS = (
 _PADDING, _GAP, _LEAST_BODY = (1.4, 1.2), 0.3, 2.0
 # Least width of a button in units of the font size.
 _LEAST_BUTTON = 6.0
+# Largest share of a modal window for its second column.
+_MOST_SECOND = 0.42
 
 Buttons = Sequence[tuple[str, str]]
 
@@ -45,6 +47,8 @@ class _Open:
 
 
 _drawn: list[_Open] = []
+# Width and height of the second column, and the gap before it, of modal windows with columns.
+_columns: list[tuple[float, float, float]] = []
 # Modal windows that had a drop-down list or another modal window above them when they were last drawn.
 _covered: set[str] = set()
 # First and last frame in which each modal window was drawn without a break.
@@ -165,12 +169,8 @@ def modal_body(buttons: Buttons, least: float = _LEAST_BUTTON, below: float = 0.
         least: Minimum width of a button in units of the font size.
         below: Height reserved above the buttons, in pixels.
     """
-    style = imgui.get_style()
-    width = imgui.get_content_region_avail().x
-    rows = len(_button_rows(buttons, least, width))
-    foot = rows * imgui.get_frame_height() + (rows + 2) * style.item_spacing.y + em(_GAP) + below
-    height = _drawn[-1].room - imgui.get_cursor_pos_y() - foot - _padding()[1]
-    imgui.set_next_window_size_constraints((width, em(_LEAST_BODY)), (width, max(height, em(_LEAST_BODY))))
+    width, height = _body_room(buttons, least, below, _drawn[-1].room)
+    imgui.set_next_window_size_constraints((width, em(_LEAST_BODY)), (width, height))
     # Measured even while Dear ImGui hides the window in its first frame.
     flags = imgui.ChildFlags_.auto_resize_y | imgui.ChildFlags_.always_auto_resize
     imgui.begin_child("##body", (width, 0.0), flags)
@@ -178,6 +178,48 @@ def modal_body(buttons: Buttons, least: float = _LEAST_BUTTON, below: float = 0.
         yield
     finally:
         imgui.end_child()
+
+
+def _body_room(buttons: Buttons, least: float, below: float, bottom: float) -> tuple[float, float]:
+    """Return width and height that are left above the buttons of a window of height ``bottom``, in pixels."""
+    width = imgui.get_content_region_avail().x
+    rows = len(_button_rows(buttons, least, width))
+    foot = rows * imgui.get_frame_height() + (rows + 2) * imgui.get_style().item_spacing.y + em(_GAP) + below
+    height = bottom - imgui.get_cursor_pos_y() - foot - _padding()[1]
+    return width, max(height, em(_LEAST_BODY))
+
+
+@contextmanager
+def modal_columns(buttons: Buttons, second: float) -> Iterator[tuple[float, float]]:
+    """Fill a modal window of a least height by two columns above its buttons; the value is the size of the first.
+
+    The block draws the first column, then calls `modal_next_column`, which scrolls if it is too low.
+
+    Args:
+        buttons: The buttons drawn below by ``modal_buttons``.
+        second: Width of the second column in units of the font size; it is less than half of a narrow window.
+    """
+    opened = _drawn[-1]
+    width, height = _body_room(buttons, _LEAST_BUTTON, 0.0, opened.least or opened.room)
+    spacing = 2.0 * imgui.get_style().item_spacing.x
+    right = min(em(second), _MOST_SECOND * width)
+    left = max(width - right - spacing, 1.0)
+    still = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    imgui.begin_child("##first", (left, height), 0, still)
+    _columns.append((right, height, spacing))
+    try:
+        yield (left, height)
+    finally:
+        _columns.pop()
+        imgui.end_child()
+
+
+def modal_next_column() -> None:
+    """Begin the second column of `modal_columns`."""
+    right, height, spacing = _columns[-1]
+    imgui.end_child()
+    imgui.same_line(0.0, spacing)
+    imgui.begin_child("##second", (right, height))
 
 
 def _button_rows(buttons: Buttons, least: float, room: float) -> list[list[float]]:
@@ -263,6 +305,19 @@ def modal_buttons(
     return pressed
 
 
+def job_bar(rects: WidgetRects, prefix: str, job: Job[object]) -> None:
+    """Draw the progress bar of ``job``, recorded as ``prefix``:progress."""
+    known = job.share > 0.0
+    imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
+    imgui.progress_bar(
+        min(job.share, 1.0) if known else -0.35 * imgui.get_time(),
+        (-1.0, em(1.5)),
+        f"{100.0 * job.share:.0f} %" if known else "",
+    )
+    imgui.pop_style_color()
+    rects.record(f"{prefix}:progress")
+
+
 def draw_job(
     fonts: Fonts,
     rects: WidgetRects,
@@ -290,15 +345,7 @@ def draw_job(
     with modal_body(buttons):
         if more is not None:
             more()
-        known = job.share > 0.0
-        imgui.push_style_color(imgui.Col_.plot_histogram, ACCENT_DARK)
-        imgui.progress_bar(
-            min(job.share, 1.0) if known else -0.35 * imgui.get_time(),
-            (-1.0, em(1.5)),
-            f"{100.0 * job.share:.0f} %" if known else "",
-        )
-        imgui.pop_style_color()
-        rects.record(f"{prefix}:progress")
+        job_bar(rects, prefix, job)
         # Stages have texts of one or two lines, between which the window does not change its size.
         below = imgui.get_cursor_pos_y() + 2.0 * imgui.get_text_line_height() + imgui.get_style().item_spacing.y
         caption(text)

@@ -4,7 +4,7 @@ It starts from the fit of landmarks, which stay. Photos are blurred by less and 
 get coefficients of their own. Where colours make things worse, the fit of landmarks remains.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,11 +88,13 @@ class DenseFitter:
         self.settings = settings or DenseSettings()
         self._crops, self._start, self._basis, self._samples = crops, start, basis, samples
         self._rng = np.random.default_rng(0)
+        self._watch: Callable[[FitState], None] = lambda _: None
         self._skin_triangles = basis.editor.template.triangles
         self._expression = basis.model.basis.reshape(basis.model.n_coefficients, -1, 3)[:, : basis.n_skin]
 
-    def fit(self, progress: Progress | None = None) -> DenseFit:
-        """Return the refined head."""
+    def fit(self, progress: Progress | None = None, watch: Callable[[FitState], None] | None = None) -> DenseFit:
+        """Return the refined head; ``watch`` is called with its state after each step."""
+        self._watch = watch or (lambda _: None)
         *_, last = self._descents(progress or Progress())
         return self._better(*last)
 
@@ -146,6 +148,7 @@ class DenseFitter:
                 term.add(state, number, equations)
                 photo.add(state, number, photo.chosen(state, number, seen[number], self._rng), equations)
             state = state.moved(equations.layout, equations.step(self.settings.damping))
+            self._watch(state)
         return state
 
     def _photos(self, skin: SkinSamples, blur: float, known: Sequence[DensePhoto] = ()) -> list[DensePhoto]:

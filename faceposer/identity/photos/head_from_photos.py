@@ -1,7 +1,7 @@
 """A head from photos of one person: identity, texture, character; pose, camera and light of each photo."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,12 +17,14 @@ from faceposer.identity.photos.dense_fit import DenseFit, DenseFitter, DenseSett
 from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
 from faceposer.identity.photos.face_places import FacePlaces, load_face_places
+from faceposer.identity.photos.fit_so_far import FitSoFar, Watch, unwatched
 from faceposer.identity.photos.head_basis import ExpressionPrior, HeadBasis, head_basis
 from faceposer.identity.photos.iris_colour import eye_colour_of
 from faceposer.identity.photos.landmark_fit import LandmarkFit, PhotoFace, fit_landmarks, fit_points
 from faceposer.identity.photos.painted_light import painted_light
 from faceposer.identity.photos.photo_texture import LitPhoto, photo_texture
 from faceposer.identity.photos.skin_samples import shipped_samples
+from faceposer.identity.photos.unknowns import ViewState
 from faceposer.identity.skin_layers import SkinLayers
 from faceposer.identity.texture_model import LIMIT, load_texture_model
 from faceposer.model.character import Character
@@ -37,6 +39,14 @@ MOST_YAW = 1.05
 # Height of the face, in pixels, in the crop from which the texture is taken.
 _TEXTURE_HEIGHT = 900.0
 _DIGITS = 4
+# Shares of the work at which its stages begin and end.
+_STAGES = {
+    "prepare": (0.02, 0.14),
+    "landmarks": (0.14, 0.2),
+    "colours": (0.2, 0.5),
+    "character": (0.5, 0.6),
+    "skin": (0.6, 1.0),
+}
 #: Weight of the density of heads for paintings, whose features are a painter's.
 PAINTED = 2.0
 # How much more colours of a painted face may differ than those of skin under one light.
@@ -81,6 +91,7 @@ def head_from_photos(
     painting: bool = False,
     settings: DenseSettings | None = None,
     progress: Progress | None = None,
+    watch: Watch = unwatched,
 ) -> HeadFromPhotos:
     """Return the head of the person whom photos show.
 
@@ -96,31 +107,43 @@ def head_from_photos(
             their own, and the skin keeps the painter's colours, light and all that is not a slope of brightness.
         settings: Settings of the refinement.
         progress: Progress to update.
+        watch: Called with the fit after each step.
 
     Raises:
-        FacePoserError: If a face is seen from the side.
+        FacePoserError: If a face is turned too far.
+        CancelledError: If the user has cancelled the work.
     """
     begun = time.perf_counter()
     progress = progress or Progress()
-    progress.at("Preparing the model of heads")
+    progress.at("Preparing the model of heads", _STAGES["prepare"][0])
     basis, places = head_basis(), load_face_places()
     crops = [FaceCrop.of(face, image) for face, image in zip(faces, images, strict=True)]
     strength = likelihood * (PAINTED if painting else 1.0)
-    fit = fit_landmarks([crop.face for crop in crops], basis, places, strength, progress)
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, strength, progress.part(*_STAGES["landmarks"]))
     check_turns(fit, names)
+    n_segments = len(basis.editor.segment_names)
+    watch(FitSoFar(basis, np.tile(fit.state.shape, (n_segments, 1)), fit.state.views, crops))
     found: DenseFit | None = None
     if dense:
         if painting:
             settings = replace(settings or DenseSettings(), segment_steps=0)
-        found = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings).fit(progress)
-    rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1)) if found is None else found.rows
+        fitter = DenseFitter(crops, fit, basis, shipped_samples(basis, places), settings)
+        found = fitter.fit(
+            progress.part(*_STAGES["colours"]),
+            lambda state: watch(FitSoFar(basis, fitter.rows(state), state.views, crops)),
+        )
+    rows = np.tile(fit.state.shape, (n_segments, 1)) if found is None else found.rows
     identity = Identity.of(rows)
     line = None if found is None or painting else found.state.texture
     if dense:
         identity = replace(identity, texture=_skin_texture(line, basis, identity, crops))
-    progress.at("Making the character")
+    making = progress.part(*_STAGES["character"])
+    making.at("Making the character")
     model = build_face_model(_named(basis.editor.with_head(identity), basis.editor.model, name, title, len(faces)))
+    making.at("Making the character", 0.5)
     views = [_view(crop, number, fit, found, model, basis, places) for number, crop in enumerate(crops)]
+    seen = [ViewState(pose, camera, np.zeros(0)) for pose, camera in views]
+    watch(FitSoFar(basis, rows, seen, crops, model))
     lights: tuple[Array, ...] = () if found is None else found.lights
     if dense and painting:
         lights = tuple(
@@ -128,14 +151,20 @@ def head_from_photos(
             for crop, (pose, camera) in zip(crops, views, strict=True)
         )
     if identity.texture is not None:
-        progress.at("Taking the colours of the photos")
-        lit = [
-            _lit_photo(crop, face, image, camera, model.surface(pose).astype(np.float64), light)
-            for crop, face, image, (pose, camera), light in zip(crops, faces, images, views, lights, strict=True)
-        ]
+        taking = progress.part(*_STAGES["skin"])
+        taking.at("Taking the colours of the photos")
         # The brows are those of the photos.
         bare = replace(identity.texture, layers=replace(identity.texture.layers, brows="none"))
-        skin = photo_texture(lit, textures_of(bare)["skin"], basis, places, _TOLERANCE if painting else 1.0)
+        under = textures_of(bare)["skin"]
+
+        def lit() -> Iterator[LitPhoto]:
+            # One at a time: they are large.
+            for number, (crop, (pose, camera)) in enumerate(zip(crops, views, strict=True)):
+                taking.at("Taking the colours of the photos", (number + 0.5) / (len(crops) + 1))
+                vertices = model.surface(pose).astype(np.float64)
+                yield _lit_photo(crop, faces[number], images[number], camera, vertices, lights[number])
+
+        skin = photo_texture(lit(), under, basis, places, _TOLERANCE if painting else 1.0)
         textures = {**model.character.textures, "skin": skin}
         model = model.with_character(replace(model.character, textures=textures))
     cameras = tuple(crop.whole(camera.camera) for crop, (_, camera) in zip(crops, views, strict=True))
@@ -145,13 +174,13 @@ def head_from_photos(
 
 
 def check_turns(fit: LandmarkFit, names: Sequence[str]) -> None:
-    """Raise FacePoserError if a face is seen from the side, where its points are guesses."""
+    """Raise FacePoserError if a face is turned too far to a side, where its points are guesses."""
     for view, photo in zip(fit.state.views, names, strict=True):
         yaw = turn_of(view.camera.rotation)
         if abs(yaw) > MOST_YAW:
             raise FacePoserError(
-                f"The face in '{photo}' is turned by {np.degrees(abs(yaw)):.0f} degrees, and at most "
-                f"{np.degrees(MOST_YAW):.0f} can be used; use a photo more from the front."
+                f"The face in '{photo}' is turned by more than {np.degrees(MOST_YAW):.0f} degrees (about "
+                f"{np.degrees(abs(yaw)):.0f}); use a photo more from the front."
             )
 
 

@@ -5,7 +5,7 @@ by how directly they see it; where none does, the mirrored side is taken, then t
 under that light has, as of hair over the forehead, of glasses and of highlights, do not count.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -155,7 +155,7 @@ def _smooth(values: Array, limits: tuple[float, float]) -> Array:
 
 
 def photo_texture(
-    photos: Sequence[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces, tolerance: float = 1.0
+    photos: Iterable[LitPhoto], under: bytes, basis: HeadBasis, places: FacePlaces, tolerance: float = 1.0
 ) -> bytes:
     """Return the encoded texture, JPEG, of a head in ``photos``, over the encoded texture ``under`` of the model.
 
@@ -167,7 +167,7 @@ def photo_texture(
     return blended([_layer(photos, _grid(under), basis, places, tolerance)], under)
 
 
-def _layer(photos: Sequence[LitPhoto], model: Array, basis: HeadBasis, places: FacePlaces, tolerance: float) -> Layer:
+def _layer(photos: Iterable[LitPhoto], model: Array, basis: HeadBasis, places: FacePlaces, tolerance: float) -> Layer:
     """Return the colours of the face in ``photos``, own and mirrored, with ``model``, (side², 3), for comparison."""
     texels = face_texels(basis, places)
     total = np.zeros((_SIDE * _SIDE, 3), dtype=np.float32)

@@ -19,7 +19,7 @@ the residual as in the M-estimator of Geman and McClure, as hair and clothes lie
 contains the share of independent errors, since those of neighbours are alike.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -149,8 +149,9 @@ def fit_head(
     scans: Sequence[ScanData],
     stages: Sequence[Stage] = STAGES,
     progress: Progress | None = None,
+    watch: Callable[[HeadFit], None] | None = None,
 ) -> HeadFit:
-    """Return the most likely head of ``scans`` of one person.
+    """Return the most likely head of ``scans`` of one person; ``watch`` is called with the fit after each round.
 
     Raises:
         FacePoserError: If a scan's surface is not where its landmarks are.
@@ -174,6 +175,8 @@ def fit_head(
             farthest = stage.farthest[0] * (stage.farthest[1] / stage.farthest[0]) ** share
             fit = _round(fit, scans, stage, unknowns, chosen, farthest)
             done += 1
+            if watch is not None:
+                watch(fit)
     return fit
 
 

@@ -1,7 +1,7 @@
 """A head from scans of one person: landmarks, fit, detail and texture, one after the other."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -50,6 +50,14 @@ _ON_SCAN = 0.4
 _LEAST_SHARE, _USUAL_SHARE = 0.3, 0.7
 # Weight of the displacement of a vertex that does not lie on a scan, beside those that do.
 _UNKNOWN = 1e-3
+# Shares of the work at which its stages begin and end.
+_STAGES = {
+    "prepare": (0.02, 0.1),
+    "landmarks": (0.1, 0.2),
+    "model": (0.2, 0.5),
+    "detail": (0.5, 0.8),
+    "texture": (0.8, 1.0),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +126,30 @@ class HeadFromScans:
     report: dict[str, Any]
 
 
+@dataclass(frozen=True, eq=False)
+class ScanFitSoFar:
+    """A fit in progress, for pictures of it.
+
+    Attributes:
+        fit: The fit of the model.
+        placed: The parts of the scans around the head.
+        details: Displacements of the scans beyond the model that are known.
+    """
+
+    fit: HeadFit
+    placed: Sequence[PlacedScan]
+    details: Sequence[Detail] = ()
+
+    def vertices(self, number: int) -> Array:
+        """Return the head with the expression of scan ``number``, shape (N, 3)."""
+        posed = self.fit.posed(number)
+        return posed + self.details[number].offsets if number < len(self.details) else posed
+
+    def frame(self, number: int) -> Similarity:
+        """Return the similarity from scan ``number`` to the head's frame."""
+        return composed(self.fit.scans[number].frame, self.placed[number].frame)
+
+
 def read_scan(path: str, landmarks: ScanLandmarks | None = None) -> Scan:
     """Read a scan from a mesh file.
 
@@ -152,6 +184,7 @@ def head_from_scans(
     progress: Progress | None = None,
     basis: HeadBasis | None = None,
     model: IdentityModel | None = None,
+    watch: Callable[[ScanFitSoFar], None] = lambda _: None,
 ) -> HeadFromScans:
     """Return the head of the person in ``scans``.
 
@@ -162,6 +195,7 @@ def head_from_scans(
         progress: Progress to update.
         basis: What is fitted; that of the shipped model if None.
         model: The model of ``basis``; the shipped one if None.
+        watch: Called with the fit after each step.
 
     Raises:
         FacePoserError: If no face is found on a scan, or it does not match its landmarks.
@@ -169,29 +203,40 @@ def head_from_scans(
     """
     began = time.perf_counter()
     progress = progress or Progress()
-    progress.at("Preparing the model")
+    progress.at("Preparing the model", _STAGES["prepare"][0])
     basis, model = basis or shipped_basis(), model or load_identity_model()
-    scans = [marked_scan(scan, progress) for scan in scans]
+    finding = progress.part(*_STAGES["landmarks"])
+    scans = [
+        marked_scan(scan, finding.part(number / len(scans), (number + 1) / len(scans)))
+        for number, scan in enumerate(scans)
+    ]
     placed = [placed_scan(basis, scan.mesh, known_landmarks(scan), scan.label) for scan in scans]
     try:
-        fit = fit_head(basis, [scan.data for scan in placed], progress=progress)
+        fit = fit_head(
+            basis,
+            [scan.data for scan in placed],
+            progress=progress.part(*_STAGES["model"]),
+            watch=lambda fit: watch(ScanFitSoFar(fit, placed)),
+        )
     except UnmatchedError as error:
         of = " or ".join(known_landmarks(scan).of(scan.label) for scan in scans)
         raise FacePoserError(f"{of} do not match it: move them to their places, or scan more of the face.") from error
     fitted, details = [], []
+    registering = progress.part(*_STAGES["detail"])
     for number, (scan, place) in enumerate(zip(scans, placed, strict=True)):
         mesh = place.moved(fit.scans[number].frame)
         found = None
         if detail:
             offsets = basis.offsets(fit.scans[number].weights)
-            found = find_detail(basis, fit.posed(number), offsets, mesh, progress)
+            part = registering.part(number / len(scans), (number + 1) / len(scans))
+            found = find_detail(basis, fit.posed(number), offsets, mesh, part)
             details.append(found)
+            watch(ScanFitSoFar(fit, placed, details))
         fitted.append(_fitted(basis, fit, number, scan, place, mesh, found))
     skin = fit.neutral + mean_detail(details, len(basis.mean))
     textures = {}
     if texture and any(has_colours(scan.mesh) for scan in scans):
-        progress.at("Painting the texture")
-        textures = _textures(basis, fitted)
+        textures = _textures(basis, fitted, progress.part(*_STAGES["texture"]))
     report = _report(fitted, model.commonness(fit.shape), detail, time.perf_counter() - began)
     return HeadFromScans(skin, textures, fit, tuple(fitted), report)
 
@@ -273,14 +318,16 @@ def _fitted(
     return FittedScan(scan, frame, placed, mesh, posed, closest.distances, used, report)
 
 
-def _textures(basis: HeadBasis, fitted: Sequence[FittedScan]) -> dict[str, bytes]:
+def _textures(basis: HeadBasis, fitted: Sequence[FittedScan], progress: Progress) -> dict[str, bytes]:
     man = load_character("man")
     layers: list[Layer] = []
-    for scan in fitted:
+    for number, scan in enumerate(fitted):
+        progress.at("Painting the texture", number / (len(fitted) + 1))
         if has_colours(scan.placed.mesh):
             places = scan.frame.apply(scan.placed.mesh.vertices)
             mesh = TriangleMesh(places, scan.placed.mesh.triangles)
             layers.append(baked_layer(basis, man, scan.posed, scan.used, mesh, scan.placed.mesh))
+    progress.at("Painting the texture", len(fitted) / (len(fitted) + 1))
     return {"skin": blended(layers, man.textures["skin"])}
 
 

@@ -173,6 +173,23 @@ def test_variations_are_chosen_from_a_grid(robot: Robot) -> None:
     np.testing.assert_array_equal(skin(robot), chosen)
 
 
+def test_variations_scroll_no_farther_than_needed(robot: Robot) -> None:
+    place = robot.app.widget_rects["head:variations"]
+    robot.click_widget("head:variations")
+    robot.frames(12)
+    rects = robot.app.widget_rects
+    # The grid is in sight, and the button under the pointer did not move if there was room for both.
+    assert rects["head:variation:8"][3] <= rects["head-save"][1]
+    assert rects["head:variations"][1] == pytest.approx(place[1])
+    before = rects["head:variation:4"]
+    robot.click_widget("head:variation:4")
+    robot.frames(12)
+    assert rects["head:variation:4"] == before
+    robot.click_widget("head:variations")
+    robot.frames(12)
+    assert rects["head:variation:4"] == before
+
+
 def test_heads_are_mixed(robot: Robot) -> None:
     before = skin(robot)
     woman = load_character("woman").vertices[:17259]

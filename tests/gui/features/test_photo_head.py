@@ -1,5 +1,6 @@
 """Heads and expressions of photos in the window, driven by pointer and keys."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,36 @@ def finish(robot: Robot) -> None:
     robot.frames(3)
 
 
+def watch_fit(robot: Robot) -> None:
+    """Wait for the fit, which has one bar for all steps, and shows the head while it changes."""
+    state = robot.app.features[PhotoHeadFeature]
+    shares: list[float] = []
+    stages: set[str] = set()
+    pictures: list[object] = [None]
+    while (job := state.job) is not None:
+        robot.frames(1)
+        shares.append(job.share)
+        stages.add(job.stage)
+        if state.preview is not pictures[-1]:
+            pictures.append(state.preview)
+        time.sleep(0.01)
+    assert shares == sorted(shares)
+    assert shares[-1] > 0.9
+    assert {"Fitting the head to colours", "Taking the colours of the photos"} <= stages
+    assert len(pictures) > 2
+
+
+def weigh_likeness(robot: Robot) -> None:
+    """Move the slider between likeness and likelihood to both ends, and reset it."""
+    state = robot.app.features[PhotoHeadFeature]
+    left, top, right, bottom = robot.app.widget_rects["photo-head:likelihood"]
+    for end, weight in ((left + 3.0, 0.25), (right - 3.0, 4.0)):
+        robot.click((end, 0.5 * (top + bottom)))
+        assert state.likelihood == pytest.approx(weight, rel=0.02)
+    robot.click_widget("photo-head:likelihood:reset")
+    assert state.likelihood == 1.0
+
+
 def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow, photo: Path) -> None:
     robot = open_window("low", (1000, 800), pictures=False)
     state = robot.app.features[PhotoHeadFeature]
@@ -52,7 +83,7 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     robot.click_widget("photo-head:find")
     finish(robot)
     assert page(robot) == "landmarks"
-    before = state.marked[0]
+    before = state.landmarks.marked[0]
 
     left, top, right, _ = robot.app.widget_rects["photo-head:picture"]
     factor = (right - left) / before.image.shape[1]
@@ -60,31 +91,30 @@ def test_a_photo_becomes_a_character_with_its_expression(open_window: OpenWindow
     begin = (left + factor * u, top + factor * v)
     robot.drag(begin, (begin[0] + 10.0, begin[1]))
     robot.frames(2)
-    moved = state.marked[0]
+    moved = state.landmarks.marked[0]
     assert moved.moved == {"8.3"}
     shift = moved.with_landmarks().face.landmarks.points - before.found.face.landmarks.points
     near = np.linalg.norm(shift[:, :2], axis=1)
     assert near.max() > 5.0 * np.median(near)
 
-    left, top, right, bottom = robot.app.widget_rects["photo-head:likelihood"]
-    for end, weight in ((left + 3.0, 0.25), (right - 3.0, 4.0)):
-        robot.click((end, 0.5 * (top + bottom)))
-        assert state.likelihood == pytest.approx(weight, rel=0.02)
-    robot.click_widget("photo-head:likelihood:reset")
-    assert state.likelihood == 1.0
+    weigh_likeness(robot)
 
     robot.click_widget("photo-head:fit")
-    finish(robot)
+    watch_fit(robot)
     assert page(robot) == "result"
     assert state.error == ""
+    # What was moved is saved exactly where it was dropped.
+    pins = {pin.place: pin.pixel for pin in state.result.photo.pins} if state.result is not None else {}
+    assert pins["8.3"] == pytest.approx(moved.placed["8.3"], abs=1e-6)
     # A line between photo and head follows the pointer.
     assert state.result is not None
-    assert state.result.over is not None
-    assert state.result.over.shape == state.result.picture.shape
+    view = state.result.views[0]
+    assert view.over is not None
+    assert view.over.shape == view.picture.shape
     left, top, right, _ = robot.app.widget_rects["photo-head:picture"]
     robot.drag((0.5 * (left + right), top + 60.0), (0.25 * right + 0.75 * left, top + 60.0))
     robot.frames(2)
-    assert state.dialog.wiped == pytest.approx(0.25, abs=0.02)
+    assert state.dialog.compared.wiped == pytest.approx(0.25, abs=0.02)
     robot.click_widget("photo-head:open")
     robot.frames(4)
     session = robot.app.session

@@ -1,5 +1,6 @@
 """The dialog that makes a character of scans, driven by pointer and keys; the fit itself is tested elsewhere."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,8 @@ import pytest
 
 from faceposer.errors import FacePoserError
 from faceposer.geometry.obj_io import write_obj
-from faceposer.gui.features.head_making.state import MadeHead
-from faceposer.gui.features.scan import work
+from faceposer.gui.features.head_making.contents import MadeHead
+from faceposer.gui.features.scan import marked_scan, work
 from faceposer.gui.features.scan.feature import ScanFeature
 from faceposer.gui.testing.scripted_user import Robot
 from faceposer.model.character_file import load_character
@@ -53,7 +54,6 @@ def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     state = feature(robot)
-    assert "scan:find" in robot.app.widget_rects
     state.add(scan)
     robot.frames(2)
     assert state.title == "Ann Other"
@@ -63,7 +63,7 @@ def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypa
     assert state.error == ""
 
     # The picture shows the face upright, and its points lie on it.
-    marked = state.marked[0]
+    marked = state.landmarks.marked[0]
     eyes = 0.5 * (marked.places["3.7"] + marked.places["3.8"])
     assert eyes[1] > marked.places["8.1"][1] > marked.places["2.1"][1]
 
@@ -73,9 +73,11 @@ def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypa
     begin = (left + factor * float(pixel[0]), top + factor * float(pixel[1]))
     robot.drag(begin, (begin[0] + 12.0, begin[1] + 6.0))
     robot.frames(2)
-    moved = state.marked[0]
+    moved = state.landmarks.marked[0]
     assert moved.moved == {"8.3"}
     assert np.linalg.norm(moved.places["8.3"] - marked.places["8.3"]) > 0.1
+    # It is on the surface exactly under the place where it was dropped.
+    assert moved.pixels["8.3"] == pytest.approx(pixel + np.array([12.0, 6.0]) / factor, abs=1e-3)
     given = moved.with_landmarks().landmarks
     assert given is not None
     assert list(given.features) == ["8.3"]
@@ -85,7 +87,14 @@ def test_landmarks_are_found_moved_and_fitted(robot: Robot, scan: Path, monkeypa
 
     asked: list[tuple[bool, bool, str]] = []
 
-    def fit(scans: list[work.MarkedScan], detail: bool, texture: bool, title: str, _: Progress) -> MadeHead:
+    def fit(
+        scans: list[marked_scan.MarkedScan],
+        detail: bool,
+        texture: bool,
+        title: str,
+        show: Callable[[np.ndarray], None],
+        _: Progress,
+    ) -> MadeHead:
         asked.append((detail, texture, title))
         return MadeHead(load_character("man"), "It fits.", np.zeros((20, 60, 3), dtype=np.uint8))
 
@@ -134,11 +143,11 @@ def test_what_is_wrong_is_said_in_the_dialog(robot: Robot, tmp_path: Path) -> No
 
 
 def test_the_fit_can_be_cancelled(robot: Robot, scan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def wait(files: list[str], progress: Progress) -> list[work.MarkedScan]:
+    def wait(files: list[str], progress: Progress) -> list[marked_scan.MarkedScan]:
         while True:
             progress.at("Waiting")
 
-    monkeypatch.setattr(work, "find_landmarks", wait)
+    monkeypatch.setattr(marked_scan, "find_landmarks", wait)
     state = feature(robot)
     state.add(scan)
     robot.frames(2)
@@ -152,4 +161,4 @@ def test_the_fit_can_be_cancelled(robot: Robot, scan: Path, monkeypatch: pytest.
 
 def test_errors_of_files_name_them(tmp_path: Path) -> None:
     with pytest.raises(FacePoserError, match=r"missing\.obj"):
-        work.find_landmarks([str(tmp_path / "missing.obj")], Progress())
+        marked_scan.find_landmarks([str(tmp_path / "missing.obj")], Progress())

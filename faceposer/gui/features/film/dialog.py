@@ -68,8 +68,8 @@ class FilmDialog:
         modal_title(context.fonts, _TITLE)
         with modal_body(_FORM):
             caption(
-                "The largest face is followed through the longest shot; it should be seen from the front, or up to 60 "
-                "degrees from the side. The motion of the head is not part of the animation."
+                "The largest face is followed through the longest shot; frames in which it is turned by more than 60 "
+                "degrees are filled in from those around. The motion of the head is not part of the animation."
             )
             row_label("Film", width=_LABEL)
             imgui.text_unformatted(displayed(film.path.name))

@@ -129,9 +129,6 @@ class HeadPanel:
             )
         imgui.pop_style_var()
         shown, top = self._variations.shown, imgui.get_cursor_pos_y()
-        if self._variations.scroll_to():
-            imgui.set_scroll_y(top)
-            context.redraw()
         if fitted_button(
             context.widget_rects,
             "Other variations" if shown else "Variations",
@@ -145,6 +142,16 @@ class HeadPanel:
             if fitted_button(context.widget_rects, "Close", "head:variations-close", button_width(1), "Close the grid"):
                 self._variations.close()
             self._variations.draw()
+            if self._variations.scroll_to():
+                self._scroll_to(top, imgui.get_cursor_pos_y())
+
+    def _scroll_to(self, top: float, bottom: float) -> None:
+        """Scroll no farther than needed to show what is from ``top`` to ``bottom``, or its begin if it is too high."""
+        scroll, height = imgui.get_scroll_y(), imgui.get_window_height()
+        wanted = min(max(scroll, bottom - height), top)
+        if wanted != scroll:
+            imgui.set_scroll_y(wanted)
+            self._head.context.redraw()
 
     # Lines of heads
 

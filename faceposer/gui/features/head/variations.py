@@ -55,7 +55,7 @@ class Variations:
         self._unseen = True
 
     def scroll_to(self) -> bool:
-        """Return True once after other heads were made: the tab then scrolls to the grid."""
+        """Return True once after heads were offered: the tab then scrolls to the grid, if it is not in sight."""
         unseen, self._unseen = self._unseen, False
         return unseen
 

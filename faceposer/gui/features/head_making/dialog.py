@@ -1,65 +1,64 @@
 """Pages of the dialogs that make a character of scans or photos."""
 
-import math
-from collections.abc import Callable, Mapping
-from functools import lru_cache
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from imgui_bundle import ImVec2, imgui
-from numpy.typing import NDArray
+from imgui_bundle import imgui
 
+from faceposer.gui.features.head_making.landmark_page import LandmarkPage
+from faceposer.gui.features.head_making.result_page import ResultPage
 from faceposer.gui.widgets.basic import caption, text_field, wrapped_text
 from faceposer.gui.widgets.modal import (
     draw_job,
+    job_bar,
     modal,
     modal_body,
     modal_buttons,
+    modal_columns,
     modal_entered,
     modal_escaped,
+    modal_next_column,
     modal_room,
     modal_title,
 )
-from faceposer.gui.widgets.pictures import Picture
 from faceposer.gui.widgets.sliders import row_label
 from faceposer.gui.widgets.text import displayed
-from faceposer.gui.widgets.theme import ACCENT, BAD, INK, Icon, em, u32
+from faceposer.gui.widgets.theme import BAD, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
-from faceposer.model.character_file import load_character
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.head_making.state import HeadMaking, Marked
+    from faceposer.gui.features.head_making.state import HeadMaking
 
-# Heights of pages with a picture and of the others.
-_WIDTH, _TALLEST, _LOW, _LABEL = 44.0, 48.0, 24.0, 7.0
+# Width and greatest height of the form, and width of its labels, in font sizes.
+_WIDTH, _TALLEST, _LABEL = 44.0, 24.0, 7.0
+# Share of the operating system's window that pages with a picture take, and width of the column beside it.
+_LARGE, _COLUMN = 0.96, 20.0
 # Height of the window in font sizes below which no room is reserved for an error.
 _LOWEST = 20.0
-# Height of a page beside its picture.
-_AROUND = 14.0
 _BUTTONS = {
     "form": (("find", "Find landmarks"), ("cancel", "Cancel")),
     "landmarks": (("fit", "Fit"), ("back", "Back"), ("cancel", "Cancel")),
-    "result": (("open", "Save and open"), ("again", "Back"), ("cancel", "Discard")),
+    "fitting": (("cancel", "Cancel"),),
+    "result": (("open", "Save and open"), ("again", "Back"), ("discard", "Discard")),
 }
-# Distance in font sizes within which the pointer takes a landmark.
-_REACH = 0.9
+_TITLES = {"landmarks": "Landmarks", "fitting": "Fitting the head"}
 
 
 class HeadDialog:
     """The dialog.
 
     Attributes:
-        wiped: Where the line between the pictures of a comparison is, as a share of their width.
+        landmarks: The page of landmarks.
+        compared: The page of the result.
     """
 
     def __init__(self, head: "HeadMaking[Any, Any]") -> None:
         """Show the state of ``head``."""
         self._head = head
-        self._picture, self._over = Picture(), Picture()
-        self.wiped = 0.5
-        self._dragged: str | None = None
-        # Height in pixels that the dialog has had, below which it does not fall while it works.
+        self.landmarks = LandmarkPage(head.context, self._prefix)
+        self.compared = ResultPage(head.context, self._prefix)
+        # Height of the form in pixels, which stays while landmarks are looked for.
         self._height = 0.0
 
     @property
@@ -68,85 +67,71 @@ class HeadDialog:
         return self._head.words.action[0]
 
     def forget(self) -> None:
-        """Forget the picture that is shown."""
-        self._picture.forget()
-        self._over.forget()
-        self._dragged, self.wiped = None, 0.5
+        """Forget the pictures that are shown."""
+        self.landmarks.forget()
+        self.compared.forget()
 
     def release(self) -> None:
         """Release the textures of the pictures."""
-        self._picture.release()
-        self._over.release()
+        self.landmarks.release()
+        self.compared.release()
 
     def draw(self, draw_above: Callable[[], None]) -> None:
         """Draw the current page; ``draw_above`` draws the dialogs above it."""
         head = self._head
-        pictures = head.page not in ("form", "finding")
-        least = 0.0 if head.page == "form" else self._height
-        with modal(f"##{self._prefix}", _WIDTH, _TALLEST if pictures else _LOW, least) as shown:
+        large = head.page in _TITLES or head.page == "result"
+        view = imgui.get_main_viewport().size
+        least = self._height if head.page == "finding" else 0.0
+        sizes = (
+            (_LARGE * view.x / em(), _LARGE * view.y / em(), _LARGE * view.y) if large else (_WIDTH, _TALLEST, least)
+        )
+        with modal(f"##{self._prefix}", *sizes) as shown:
             if not shown:
                 draw_above()
                 return
-            if head.job is not None:
-                self._draw_progress()
+            if head.page == "finding":
+                self._draw_finding()
+            elif large:
+                self._draw_large()
             else:
-                self._draw_page()
-            self._height = imgui.get_window_height()
+                self._draw_form()
+                self._height = imgui.get_window_height()
             if not head.open:
                 imgui.close_current_popup()
             draw_above()
 
-    def _draw_progress(self) -> None:
-        head = self._head
-        assert head.job is not None
-        title = "Finding landmarks" if head.page == "finding" else "Fitting the head"
-        stage = "Stopping..." if head.job.cancelled else f"{head.job.stage}..."
-        text = f"{stage} Nothing is written before you save."
-        draw_job(head.context.fonts, head.context.widget_rects, self._prefix, title, head.job, text, escapes=False)
+    # The form
 
-    def _draw_page(self) -> None:
-        head, page = self._head, self._head.page
-        made = head.words.action[1].removesuffix("...")
-        titles = {"form": made, "landmarks": "Landmarks", "result": made}
-        buttons = _BUTTONS[page]
-        modal_title(head.context.fonts, titles[page])
+    def _draw_finding(self) -> None:
+        head = self._head
+        job, context = head.job, head.context
+        assert job is not None
+        stage = f"{job.stage}..."
+        draw_job(context.fonts, context.widget_rects, self._prefix, "Finding landmarks", job, stage, escapes=False)
+        if job.cancelled:
+            head.stop()
+
+    def _draw_form(self) -> None:
+        head, buttons = self._head, _BUTTONS["form"]
+        modal_title(head.context.fonts, head.words.action[1].removesuffix("..."))
         # Room for an error of two lines is reserved, so that nothing jumps when it appears, unless the window is low.
         lines = 2.0 if modal_room() > _LOWEST else 0.0
         wrap = imgui.get_content_region_avail().x
         tall = imgui.calc_text_size(displayed(head.error), wrap_width=wrap).y if head.error else 0.0
         reserved = max(tall, lines * imgui.get_text_line_height()) + imgui.get_style().item_spacing.y
         with modal_body(buttons, below=reserved):
-            {"form": self._draw_form, "landmarks": self._draw_landmarks, "result": self._draw_result}[page]()
+            self._draw_fields()
         below = imgui.get_cursor_pos_y() + reserved
-        if head.error:
-            imgui.push_style_color(imgui.Col_.text, BAD)
-            wrapped_text(head.error)
-            imgui.pop_style_color()
+        self._draw_error()
         imgui.set_cursor_pos_y(max(below, imgui.get_cursor_pos_y()))
-        missing = page == "form" and not head.files
-        disabled = ("find",) if missing else ()
-        noun = head.words.noun
-        tips = {"find": f"Add a {noun} first" if missing else f"Find the face in each {noun}"}
-        pressed = modal_buttons(head.context.widget_rects, self._prefix, buttons, disabled=disabled, tips=tips)
-        if not head.context.file_dialogs.open:
-            if modal_escaped():
-                pressed = "cancel"
-            elif modal_entered() and not missing:
-                pressed = buttons[0][0]
-        if pressed:
-            run = {
-                "find": head.find,
-                "fit": head.fit,
-                "back": head.back,
-                "again": head.fit_again,
-                "open": head.save,
-                "cancel": head.close_dialog,
-            }
-            run[pressed]()
+        missing, noun = not head.files, head.words.noun
+        self._draw_buttons(
+            "form",
+            ("find",) if missing else (),
+            {"find": f"Add a {noun} first" if missing else f"Find the face in each {noun}"},
+        )
 
-    # The form
-
-    def _draw_form(self) -> None:
+    def _draw_fields(self) -> None:
         head, rects, prefix = self._head, self._head.context.widget_rects, self._prefix
         words = head.words
         caption(words.form)
@@ -177,104 +162,67 @@ class HeadDialog:
             rects.record(f"{prefix}:{name}")
             tooltip(tip)
 
-    # Landmarks
+    # Pages with a picture
 
-    def _draw_landmarks(self) -> None:
+    def _draw_large(self) -> None:
+        head, page = self._head, self._head.page
+        buttons = _BUTTONS[page]
+        modal_title(head.context.fonts, _TITLES.get(page, head.words.action[1].removesuffix("...")))
+        with modal_columns(buttons, _COLUMN) as room:
+            self._draw_picture(room)
+            modal_next_column()
+            self._draw_error()
+            self._draw_column()
+        self._draw_buttons(page)
+
+    def _draw_picture(self, room: tuple[float, float]) -> None:
         head = self._head
-        head.shown = min(head.shown, len(head.marked) - 1)
-        caption(head.words.landmarks)
-        head.draw_options()
-        if len(head.marked) > 1:
-            names = [displayed(one.name) for one in head.marked]
-            imgui.set_next_item_width(-1.0)
-            _, head.shown = imgui.combo("##shown", head.shown, names)
-            head.context.widget_rects.record(f"{self._prefix}:shown")
-        marked: Marked = head.marked[head.shown]
-        low, side = self._draw_picture(marked.image)
-        factor = side / marked.image.shape[1]
-        hovered = imgui.is_item_hovered()
-        near = self._dragged or self._nearest(marked, low, factor)
-        self._drag(low, factor)
-        draw = imgui.get_window_draw_list()
-        for name, (u, v) in head.marked[head.shown].pixels.items():
-            centre = ImVec2(low.x + factor * u, low.y + factor * v)
-            colour = ACCENT if name in marked.moved or name == near else INK
-            draw.add_circle_filled(centre, em(0.22), u32(colour))
-            draw.add_circle(centre, em(0.26), u32((0.0, 0.0, 0.0, 0.7)))
-        if near is not None and (hovered or self._dragged):
-            u, v = head.marked[head.shown].pixels[near]
-            at = ImVec2(low.x + factor * u + em(0.6), low.y + factor * v - em(0.6))
-            title = _titles().get(near, near)
-            draw.add_text(ImVec2(at.x + 1.0, at.y + 1.0), u32((0.0, 0.0, 0.0, 1.0)), title)
-            draw.add_text(at, u32(INK), title)
+        if head.page == "landmarks":
+            self.landmarks.draw_picture(head.landmarks, room)
+        elif head.result is not None:
+            self.compared.draw_picture(head.result, room)
+        else:
+            preview = head.landmarks.marked[0].image if head.preview is None else head.preview
+            self.compared.draw_plain(preview, room, self.compared.zoom)
 
-    def _drag(self, low: ImVec2, factor: float) -> None:
-        head, mouse = self._head, imgui.get_mouse_pos()
-        if imgui.is_item_activated():
-            self._dragged = self._nearest(head.marked[head.shown], low, factor)
-        if self._dragged is None:
-            return
-        if not imgui.is_item_active():
-            self._dragged = None
-        elif imgui.is_mouse_dragging(imgui.MouseButton_.left.value, 2.0):
-            pixel = ((mouse.x - low.x) / factor, (mouse.y - low.y) / factor)
-            head.marked[head.shown] = head.marked[head.shown].with_moved(self._dragged, pixel)
-
-    def _nearest(self, marked: "Marked", low: ImVec2, factor: float) -> str | None:
-        """Return the landmark under the pointer, or None."""
-        mouse = imgui.get_mouse_pos()
-        u, v = (mouse.x - low.x) / factor, (mouse.y - low.y) / factor
-        distances = {name: factor * math.hypot(x - u, y - v) for name, (x, y) in marked.pixels.items()}
-        name = min(distances, key=distances.__getitem__, default=None)
-        return name if name is not None and distances[name] < em(_REACH) else None
-
-    # The result
-
-    def _draw_result(self) -> None:
-        result = self._head.result
-        assert result is not None
-        caption(result.text)
-        low, width = self._draw_picture(result.picture)
-        if result.over is not None:
-            self._draw_wipe(result.over, low, width)
-
-    def _draw_wipe(self, over: NDArray[np.uint8], low: ImVec2, width: float) -> None:
-        """Draw ``over`` on the right of a line over the picture at ``low``, and move the line under the pointer."""
+    def _draw_column(self) -> None:
         head = self._head
-        if imgui.is_item_active():
-            self.wiped = min(max((imgui.get_mouse_pos().x - low.x) / width, 0.0), 1.0)
-            head.context.redraw(1)
-        if imgui.is_item_hovered():
-            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew.value)
-        bottom = low.y + width * over.shape[0] / over.shape[1]
-        at = low.x + self.wiped * width
-        draw = imgui.get_window_draw_list()
-        texture = imgui.ImTextureRef(self._over.texture(head.context.gl, over))
-        corners = (ImVec2(at, low.y), ImVec2(low.x + width, bottom), ImVec2(self.wiped, 0.0), ImVec2(1.0, 1.0))
-        if self.wiped < 1.0:
-            draw.add_image(texture, *corners)
-        draw.add_line(ImVec2(at, low.y), ImVec2(at, bottom), u32((0.0, 0.0, 0.0, 0.6)), em(0.2))
-        draw.add_line(ImVec2(at, low.y), ImVec2(at, bottom), u32(INK), em(0.1))
-        draw.add_circle_filled(ImVec2(at, 0.5 * (low.y + bottom)), em(0.45), u32(INK))
+        if head.page == "landmarks":
+            caption(head.words.landmarks)
+            self.landmarks.draw_actions(head.landmarks)
+            imgui.separator()
+            head.draw_options()
+        elif head.result is not None:
+            self.compared.draw_column(head.result)
+        elif head.job is not None:
+            job_bar(head.context.widget_rects, self._prefix, head.job)
+            wrapped_text(f"{head.job.stage}...")
+            caption("Nothing is written before you save.")
 
-    def _draw_picture(self, image: NDArray[np.uint8]) -> tuple[ImVec2, float]:
-        """Draw ``image`` as large as there is room and return its top left corner and its width."""
-        texture = self._picture.texture(self._head.context.gl, image)
-        room = imgui.get_content_region_avail().x
-        tallest = min(em(_TALLEST), imgui.get_main_viewport().work_size.y) - em(_AROUND)
-        height, width = image.shape[:2]
-        scale = max(min(room / width, tallest / height), 0.05)
-        size = ImVec2(scale * width, scale * height)
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 0.5 * (room - size.x))
-        low = imgui.get_cursor_screen_pos()
-        imgui.invisible_button("##picture", size)
-        self._head.context.widget_rects.record(f"{self._prefix}:picture")
-        high = ImVec2(low.x + size.x, low.y + size.y)
-        imgui.get_window_draw_list().add_image(imgui.ImTextureRef(texture), low, high)
-        return low, size.x
+    def _draw_error(self) -> None:
+        if self._head.error:
+            imgui.push_style_color(imgui.Col_.text, BAD)
+            wrapped_text(self._head.error)
+            imgui.pop_style_color()
 
-
-@lru_cache(maxsize=1)
-def _titles() -> Mapping[str, str]:
-    """Return the readable names of the feature points of people."""
-    return load_character("man").feature_titles
+    def _draw_buttons(self, page: str, without: tuple[str, ...] = (), tips: dict[str, str] | None = None) -> None:
+        """Draw the buttons of ``page``, some disabled, and do what the pressed one, Enter or Esc asks for."""
+        head, buttons = self._head, _BUTTONS[page]
+        default = None if page == "fitting" else 0
+        pressed = modal_buttons(head.context.widget_rects, self._prefix, buttons, default, disabled=without, tips=tips)
+        if not head.context.file_dialogs.open and page != "fitting":
+            if modal_escaped():
+                pressed = "" if page == "landmarks" and self.landmarks.escape(head.landmarks) else "cancel"
+            elif modal_entered() and buttons[0][0] not in without:
+                pressed = buttons[0][0]
+        if pressed:
+            run = {
+                "find": head.find,
+                "fit": head.fit,
+                "back": head.back,
+                "again": head.fit_again,
+                "open": head.save,
+                "cancel": head.stop if page == "fitting" else head.ask_to_close,
+                "discard": head.close_dialog,
+            }
+            run[pressed]()

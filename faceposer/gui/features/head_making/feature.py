@@ -3,10 +3,13 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from imgui_bundle import imgui
+
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
+from faceposer.gui.features.head_making.contents import H, M
 from faceposer.gui.features.head_making.dialog import HeadDialog
-from faceposer.gui.features.head_making.state import H, HeadMaking, M
+from faceposer.gui.features.head_making.state import HeadMaking
 from faceposer.gui.work_feature import WorkFeature
 from faceposer.session.jobs import outcome
 
@@ -40,12 +43,38 @@ class HeadMakingFeature(HeadMaking[M, H], WorkFeature):
             self.dialog.draw(draw_dialogs)
         return self.open
 
-    def accept_files(self, dropped: tuple[str, ...]) -> bool:
-        """Add dropped files while the form is shown."""
-        if not self.open or self.page != "form":
+    def take_key(self, key: str) -> bool:
+        """Undo and redo moves of landmarks, reset the selected one, and show the whole picture."""
+        if not self.open or self.context.dialogs.open or imgui.get_io().want_text_input:
             return False
-        for path in dropped:
-            self.add(Path(path))
+        pages = {"landmarks": self.dialog.landmarks.zoom, "fitting": self.dialog.compared.zoom}
+        actions, edit = self.context.actions, self.landmarks
+        if key in actions["frame"].keys and self.page in ("landmarks", "fitting", "result"):
+            pages.get(self.page, self.dialog.compared.zoom).fit()
+        elif self.page != "landmarks":
+            return False
+        elif key in actions["undo"].keys:
+            edit.undo()
+        elif key in actions["redo"].keys:
+            edit.redo()
+        elif key in actions["delete"].keys and edit.selected:
+            edit.reset((edit.selected,))
+        else:
+            return False
+        self.context.redraw()
+        return True
+
+    def accept_files(self, dropped: tuple[str, ...]) -> bool:
+        """Add dropped files; from the landmarks the way leads back to the form, where they are shown."""
+        if not self.open:
+            return False
+        if self.page == "result":
+            self.error = "Save or discard the head before you add files."
+            self.context.redraw()
+            return True
+        if self.page == "landmarks":
+            self.back()
+        self.add(*map(Path, dropped))
         return True
 
     def update(self) -> None:
@@ -65,7 +94,8 @@ class HeadMakingFeature(HeadMaking[M, H], WorkFeature):
         remedy = "use fewer or smaller files."
         if finding is not None:
             found, self.error = outcome(finding, remedy)
-            self.marked = found or []
+            if found is not None:
+                self.take_found(found)
         elif fitting is not None:
             self.result, self.error = outcome(fitting, remedy)
 
@@ -73,8 +103,3 @@ class HeadMakingFeature(HeadMaking[M, H], WorkFeature):
         """Cancel the work and release pictures."""
         self.stop()
         self.dialog.release()
-
-    def join(self) -> None:
-        """Wait until the cancelled work has ended."""
-        if self.job is not None:
-            self.job.join()

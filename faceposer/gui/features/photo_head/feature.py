@@ -6,11 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from imgui_bundle import imgui
+from numpy.typing import NDArray
 
 from faceposer.gui.context import EditorContext
+from faceposer.gui.features.head_making.contents import Words
 from faceposer.gui.features.head_making.feature import HeadMakingFeature
-from faceposer.gui.features.head_making.state import Words
 from faceposer.gui.widgets.sliders import reset_button, row_label, slider, slider_room
 from faceposer.gui.widgets.text import text_width
 from faceposer.gui.widgets.tooltips import tooltip
@@ -23,7 +25,8 @@ from faceposer.session.session import Session
 from faceposer.session.solver_worker import Worker
 
 if TYPE_CHECKING:
-    from faceposer.gui.features.photo_head.work import MarkedPhoto, PhotoHead
+    from faceposer.gui.features.photo_head.marked_photo import MarkedPhoto
+    from faceposer.gui.features.photo_head.work import PhotoHead
 
 _LIKENESS_TIP = (
     "How closely the head follows the photos. Left: as like as possible, unusual if need be. Right: more like usual "
@@ -48,9 +51,9 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
         ),
         "photo",
         "Add photo",
-        "Photos of one person, with the face large and seen from the front or up to 60 degrees from the side. Several "
-        "photos determine the head better. Hair over the face, glasses and folds of a smile leave traces in the skin.",
-        "Drag points that are not in their place.",
+        "Photos of one person with a large face, not turned by more than 60 degrees. Photos from several sides "
+        "determine the head better. Hair over the face, glasses and folds of a smile leave traces in the skin.",
+        "Drag points that are not in their place; arrow keys move the selected one.",
         (),
     )
     suffixes = PHOTO_SUFFIXES
@@ -66,15 +69,17 @@ class PhotoHeadFeature(HeadMakingFeature["MarkedPhoto", "PhotoHead"]):
 
     def work_of_finding(self, files: Sequence[str]) -> Callable[[Progress], "list[MarkedPhoto]"]:
         """Return the function that reads the photos and finds their faces."""
-        from faceposer.gui.features.photo_head import work
+        from faceposer.gui.features.photo_head import marked_photo
 
-        return partial(work.find_faces, files)
+        return partial(marked_photo.find_faces, files)
 
-    def work_of_fitting(self, marked: "Sequence[MarkedPhoto]") -> Callable[[Progress], "PhotoHead"]:
+    def work_of_fitting(
+        self, marked: "Sequence[MarkedPhoto]", show: Callable[[NDArray[np.uint8]], None]
+    ) -> Callable[[Progress], "PhotoHead"]:
         """Return the function that makes the character."""
         from faceposer.gui.features.photo_head import work
 
-        return partial(work.fit_head, marked, self.likelihood, self.title.strip(), self.painting)
+        return partial(work.fit_head, marked, self.likelihood, self.title.strip(), self.painting, show)
 
     def draw_options(self) -> None:
         """Draw the balance between likeness and likelihood, and the choice of paintings."""
