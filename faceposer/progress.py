@@ -51,7 +51,7 @@ class Progress:
 
         def show(stage: str, share: float) -> None:
             nonlocal reached
-            reached = max(reached, begin + (end - begin) * min(share, 1.0))
+            reached = max(reached, begin + (end - begin) * min(max(share, 0.0), 1.0))
             self.show(stage, reached)
 
         return Progress(show, self.cancelled)
@@ -64,11 +64,3 @@ class Progress:
         """
         if self.cancelled():
             raise CancelledError
-
-    def part(self, begin: float, end: float) -> "Progress":
-        """Return the progress of a part of the work, whose shares 0 to 1 are ``begin`` to ``end`` of the whole."""
-
-        def shown(stage: str, share: float) -> None:
-            self.show(stage, begin + (end - begin) * min(max(share, 0.0), 1.0))
-
-        return Progress(shown, self.cancelled)
