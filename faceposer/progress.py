@@ -38,6 +38,24 @@ class Progress:
         self.check()
         self.show(stage, share)
 
+    def part(self, begin: float, end: float) -> "Progress":
+        """Return the progress of a part of the work, of all of which the share ``begin`` is done before it.
+
+        Stages of the part follow each other without the share falling back.
+
+        Args:
+            begin: Share of the work before the part.
+            end: Share of the work at the end of the part.
+        """
+        reached = begin
+
+        def show(stage: str, share: float) -> None:
+            nonlocal reached
+            reached = max(reached, begin + (end - begin) * min(max(share, 0.0), 1.0))
+            self.show(stage, reached)
+
+        return Progress(show, self.cancelled)
+
     def check(self) -> None:
         """Stop if the work is cancelled.
 
@@ -46,11 +64,3 @@ class Progress:
         """
         if self.cancelled():
             raise CancelledError
-
-    def part(self, begin: float, end: float) -> "Progress":
-        """Return the progress of a part of the work, whose shares 0 to 1 are ``begin`` to ``end`` of the whole."""
-
-        def shown(stage: str, share: float) -> None:
-            self.show(stage, begin + (end - begin) * min(max(share, 0.0), 1.0))
-
-        return Progress(shown, self.cancelled)

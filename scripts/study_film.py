@@ -23,6 +23,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, required=True, help="file of rows")
     parser.add_argument("--n", type=int, default=8, help="number of films")
+    parser.add_argument("--fast", type=int, default=2, help="number of films of fast speech and blinks")
     parser.add_argument("--frames", type=int, default=60, help="frames of each film")
     parser.add_argument("--take", default="alex_rom_4.csv", help="capture whose motion the people have")
     parser.add_argument("--photo", type=Path, help="photo of 512 x 512 pixels over which a film pans, for steadiness")
@@ -31,6 +32,10 @@ def main() -> None:
     still = []
     if options.photo is not None:
         for row in study.steadiness(options.photo, options.frames):
+            still.append(row)
+            print(row, flush=True)
+    for number in range(options.fast):
+        for row in study.fast(number):
             still.append(row)
             print(row, flush=True)
     for number in range(options.n):

@@ -3,7 +3,7 @@
 import itertools
 from bisect import bisect_left, bisect_right
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, get_args
 
@@ -15,6 +15,7 @@ from faceposer.errors import FacePoserError
 from faceposer.files.json_documents import JsonError, JsonObject
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.progress import Progress
 from faceposer.sketch.inbetweens import Inbetweens, PointSpline, point_faces
 from faceposer.solve.constraints.codec import Coordinate, ShapeWeights, weights_to_json
 
@@ -41,6 +42,12 @@ class _KeyJson(JsonObject):
         return replace(Key.of(self.frame, self.coefficients), weights=weights)
 
 
+class _FilmJson(JsonObject):
+    path: Annotated[str, Meta(min_length=1, max_length=4096)]
+    first: Annotated[int, Meta(ge=0, le=10**9)]
+    rate: Annotated[float, Meta(ge=1e-3, le=FASTEST)]
+
+
 class KeyframesJson(JsonObject, kw_only=True):
     """The keys in a session file."""
 
@@ -49,6 +56,7 @@ class KeyframesJson(JsonObject, kw_only=True):
     keys: Annotated[list[_KeyJson], Meta(max_length=LONGEST)]
     loop: bool = False
     inbetweens: Inbetweens = "poses"
+    film: _FilmJson | UnsetType = UNSET
 
     def __post_init__(self) -> None:
         """Check that the frames increase."""
@@ -61,7 +69,27 @@ class KeyframesJson(JsonObject, kw_only=True):
     def keyframes(self) -> "Keyframes":
         """Return the animation."""
         keys = tuple(key.key() for key in self.keys)
-        return Keyframes(keys, self.rate, self.length, self.loop, self.inbetweens)
+        film = None if self.film is UNSET else FilmSource(self.film.path, self.film.first, self.film.rate)
+        return Keyframes(keys, self.rate, self.length, self.loop, self.inbetweens, film)
+
+
+@dataclass(frozen=True)
+class FilmSource:
+    """The film that an animation follows.
+
+    Attributes:
+        path: Its file or folder.
+        first: Frame of the film at which the animation begins.
+        rate: Frames of the film per second.
+    """
+
+    path: str
+    first: int
+    rate: float
+
+    def number(self, frame: int, rate: float) -> int:
+        """Return the frame of the film that belongs to a ``frame`` of the animation at ``rate``."""
+        return self.first + round(frame * self.rate / rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +131,7 @@ class Keyframes:
         length: Number of played frames, from 1 to ``LONGEST``.
         loop: True if frame ``length`` is frame 0 again.
         inbetweens: "poses" for curves of rig weights, "feature points" for splines of feature points.
+        film: The film that it follows, which is shown beside the face, or None.
     """
 
     keys: tuple[Key, ...] = ()
@@ -110,6 +139,7 @@ class Keyframes:
     length: int = 60
     loop: bool = False
     inbetweens: Inbetweens = "poses"
+    film: FilmSource | None = None
 
     def __post_init__(self) -> None:
         frames = [key.frame for key in self.keys]
@@ -151,7 +181,7 @@ class Keyframes:
         return (
             self.frames == other.frames
             and (self.rate, self.length, self.loop) == (other.rate, other.length, other.loop)
-            and self.inbetweens == other.inbetweens
+            and (self.inbetweens, self.film) == (other.inbetweens, other.film)
             # An edit keeps the keys that it does not change.
             and all(
                 key is other_key or np.array_equal(key.pose, other_key.pose)
@@ -236,12 +266,21 @@ class Keyframes:
         keys = tuple(Key.of(frame, pose) for frame, pose in enumerate(performance.coefficients))
         return cls(keys, min(performance.rate, FASTEST), len(performance), loop)
 
-    def reduced(self, model: FaceModel, tolerance: float) -> "Keyframes":
+    def reduced(self, model: FaceModel, tolerance: float | Array, progress: Progress | None = None) -> "Keyframes":
         """Return the animation with only the keys needed to approximate all rig weights within ``tolerance``.
 
         Greedy: between the kept keys, the one with the largest error is added until no error exceeds the tolerance (as
         in D. H. Douglas and T. K. Peucker, 1973, for polygons).
+
+        Args:
+            model: Model of the face.
+            tolerance: Largest error of a rig weight, or that of each, shape (S,).
+            progress: Checked for cancellation.
+
+        Raises:
+            CancelledError: If the progress was cancelled.
         """
+        progress = progress or Progress()
         if len(self.keys) < 3:
             return self
         poses = np.stack([key.pose for key in self.keys])
@@ -250,11 +289,14 @@ class Keyframes:
         kept[[0, -1]] = True
         while True:
             fewer = replace(self, keys=tuple(key for key, keep in zip(self.keys, kept, strict=True) if keep))
-            errors = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T).max(axis=1)
+            progress.check()
+            off = np.abs((fewer.sampled(model, frames) - poses) @ model.subspace.directions.T)
+            # Relative to what is tolerated.
+            errors = (off / tolerance).max(axis=1)
             errors[kept] = 0.0
             ends = np.flatnonzero(kept)
             worst = [a + int(np.argmax(errors[a:b])) for a, b in itertools.pairwise(ends)]
-            added = [i for i in worst if errors[i] > tolerance]
+            added = [i for i in worst if errors[i] > 1.0]
             if not added:
                 return fewer
             kept[added] = True
@@ -268,7 +310,12 @@ class Keyframes:
             "length": self.length,
             "loop": self.loop,
             "keys": [_key_to_json(key) for key in self.keys],
-        } | ({} if self.inbetweens == "poses" else {"inbetweens": self.inbetweens})
+        } | self._set_json()
+
+    def _set_json(self) -> dict[str, Any]:
+        """Return what is only written if it is not the default."""
+        ways = {} if self.inbetweens == "poses" else {"inbetweens": self.inbetweens}
+        return ways if self.film is None else ways | {"film": asdict(self.film)}
 
 
 def _monotone(model: FaceModel, knots: Array, poses: Array, periodic: bool, queries: Array) -> Array:

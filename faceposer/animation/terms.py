@@ -90,3 +90,17 @@ def smoothness_metric(model: FaceModel, smoothness: float, rate: float) -> Array
     relative = plain / float(np.diag(plain) @ variances) + np.eye(len(plain)) / float(variances.sum())
     metric: Array = 0.5 * smoothness * (rate / _USUAL_RATE) ** 3 / CHANGE**2 * relative
     return metric
+
+
+def regional_metrics(model: FaceModel, metric: Array) -> Array:
+    """Return matrices M_g, (G, r, r), with d^T M_g d the cost by ``metric`` of what the shapes of region g do in d.
+
+    Regions are those of the density of expressions, such as the jaw, smiles or blinks.
+    """
+    density, subspace = model.rig_density, model.subspace
+    parts = []
+    for region in dict.fromkeys(density.regions):
+        rows = density.shape_rows[np.array([own == region for own in density.regions])]
+        share = subspace.projection[:, rows] @ subspace.directions[rows]
+        parts.append(share.T @ metric @ share)
+    return np.array(parts)

@@ -28,6 +28,7 @@ def animate_by_film(options: argparse.Namespace) -> int:
         if given is not None:
             raise FacePoserError(f"{name} is for trajectories, not for films.")
     span = _span(options)
+    from faceposer.animation.keyframes import FilmSource
     from faceposer.cli.animated_session import write_session
     from faceposer.files.writing import write_json
     from faceposer.film.expression import expression_of_film
@@ -62,7 +63,8 @@ def animate_by_film(options: argparse.Namespace) -> int:
         write_json(options.report, report, "report")
         print(f"{options.report} written")
     if options.session is not None:
-        write_session(options.session, options.character, found.performance)
+        source = FilmSource(str(options.motion.absolute()), found.first, found.film.rate)
+        write_session(options.session, options.character, found.performance, found.tolerances, source)
     return 0
 
 

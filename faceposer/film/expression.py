@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faceposer.animation.keyframes import TOLERANCE, Keyframes
 from faceposer.errors import counted
 from faceposer.film.film import Film, Span, check_span
 from faceposer.film.following import FollowedHead, follow_head
@@ -21,12 +22,18 @@ from faceposer.film.person import Person, find_person
 from faceposer.film.tracking import Track, Watch, track_face
 from faceposer.model.face_model import FaceModel
 from faceposer.model.performance import Performance
+from faceposer.model.shape_names import weight_map
 from faceposer.photo.automatic import check_takes, pose_of_weights
 from faceposer.progress import Progress
 
 Array = NDArray[np.float64]
 
 _SHOWN = 4
+# Number of standard deviations of single frames by which keys may miss the smooth weights, and the most that is missed.
+_SURE, _MOST_TOLERANCE = 5.0, 0.06
+# Usual times in seconds: of finding the face in a frame, and by landmarks alone or with colours, of making the head and
+# of following a frame. Number of frames where it is not known.
+_FINDING, _KNOWING, _FOLLOWING, _USUAL_FRAMES = 0.045, (1.5, 8.0), (0.015, 0.2), 300
 _DIGITS = 3
 
 
@@ -41,6 +48,7 @@ class FilmExpression:
         track: The face in each frame.
         notes: What was chosen, assumed and lost, one sentence each.
         report: What was measured, as JSON.
+        tolerances: Errors of the weights of the character's shapes that are as small as what is uncertain, shape (S,).
     """
 
     performance: Performance
@@ -49,6 +57,11 @@ class FilmExpression:
     track: Track
     notes: tuple[str, ...]
     report: dict[str, Any]
+    tolerances: Array
+
+    def keys(self, model: FaceModel, progress: Progress | None = None) -> Keyframes:
+        """Return as few keys on the character of ``model`` as give every shape within its tolerance."""
+        return Keyframes.of_performance(self.performance).reduced(model, self.tolerances, progress)
 
 
 def expression_of_film(
@@ -83,9 +96,11 @@ def expression_of_film(
     check_takes(model, "films", "animate it by trajectories instead")
     film, span = open_film(path, rate), span or Span()
     check_span(film, span)
-    track = track_face(film, span, progress, *([watch] if watch else []))
-    person = find_person(film, span, track, colours, progress)
-    head = follow_head(film, span, track, person, smoothness=smoothness, progress=progress)
+    progress = progress or Progress()
+    found, known = _shares(film, span, colours)
+    track = track_face(film, span, progress.part(0.0, found), *([watch] if watch else []))
+    person = find_person(film, span, track, colours, progress.part(found, known))
+    head = follow_head(film, span, track, person, smoothness=smoothness, progress=progress.part(known, 1.0))
     weights = head.poses @ person.model.subspace.directions.T
     poses = pose_of_weights(model, person.model.character.shape_names, weights)
     report = _report(film, track, person, head)
@@ -93,7 +108,18 @@ def expression_of_film(
     notes = (*film.notes, *_notes(film, track, head))
     if colours and person.skin is None:
         notes = (*notes, "Colours did not improve the head; landmarks alone are followed.")
-    return FilmExpression(Performance(poses, film.rate), film, head.first, track, notes, report)
+    given = weight_map(model.character.shape_names, person.model.character.shape_names)
+    tolerances = np.clip(_SURE * np.abs(given) @ head.noise, TOLERANCE, _MOST_TOLERANCE)
+    return FilmExpression(Performance(poses, film.rate), film, head.first, track, notes, report, tolerances)
+
+
+def _shares(film: Film, span: Span, colours: bool) -> tuple[float, float]:
+    """Return the shares of the time after which the face is found, and the head known."""
+    first, end = span.numbers(film.rate)
+    count = max(min(end, film.n_frames or _USUAL_FRAMES) - first, 1)
+    finding, following = count * _FINDING, count * _FOLLOWING[colours]
+    total = finding + _KNOWING[colours] + following
+    return finding / total, (finding + _KNOWING[colours]) / total
 
 
 def _notes(film: Film, track: Track, head: FollowedHead) -> list[str]:

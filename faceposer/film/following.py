@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.animation.smoothing import smooth_poses
-from faceposer.animation.terms import smoothness_metric
+from faceposer.animation.terms import regional_metrics, smoothness_metric
 from faceposer.errors import FacePoserError
 from faceposer.film.film import Film, Span
 from faceposer.film.frame_fit import N_PLACE, ColourSettings, FrameFit, FrameQuadratic, Placing
@@ -24,8 +24,12 @@ _WINDOW, _OVERLAP = 600, 60
 # logarithm of its scale.
 _CHANGES = np.array([0.012, 0.012, 0.012, 0.06, 0.06, 0.004])
 _USUAL_RATE = 30.0
-# Weight of changes of velocity at smoothness 1, relative to that of ``animation.terms``.
-_SMOOTHNESS = 0.3
+# Weight of changes of velocity at smoothness 1, relative to that of ``animation.terms``, and their cost, in a region of
+# the face, from which they are sudden: blinks and speech.
+_SMOOTHNESS, _SUDDEN = 3.0, 0.3
+# How many times the usual number of steps the first frame takes, which has none before it.
+_FIRST_STEPS = 3
+_MEDIAN_TO_DEVIATION = 1.48
 # Precision of the place of a head that is not seen, relative to its usual changes.
 _UNSEEN = 1e-3
 
@@ -41,6 +45,8 @@ class FollowedHead:
         placing: The cameras that they stand for.
         seen: Mask of the frames in which the face was seen, shape (F,).
         misses: Mean distance of the landmarks from the face in pixels, NaN where it was not seen, shape (F,).
+        noise: Standard deviation by which the weights of the person's shapes in single frames differ from the smooth
+            ones, shape (S,).
     """
 
     first: int
@@ -49,6 +55,7 @@ class FollowedHead:
     placing: Placing
     seen: NDArray[np.bool_]
     misses: Array
+    noise: Array
 
 
 def follow_head(
@@ -64,7 +71,8 @@ def follow_head(
     """Return the expression and place of the head of ``person`` in each frame of ``track``.
 
     First, each frame is fitted from the one before, by landmarks and, if the person has colours, by those of the frame.
-    Then the sum of the energies of all frames, to second order, and of the cost of changes of velocity is minimised.
+    Then the sum of the energies of all frames, to second order, and of the cost of changes of velocity is minimised,
+    with a cost for each region of the face and for the head that lets sudden changes pass.
 
     Args:
         film: The film.
@@ -92,7 +100,7 @@ def follow_head(
     now = np.concatenate([np.zeros(r), placing.place_of(camera)])
     rng = np.random.default_rng(0)
     images = film.frames(span, max(track.size)) if person.skin is not None else iter(())
-    lost = False
+    lost, beyond = False, np.zeros(r + N_PLACE)
     for number in range(first, last + 1):
         k = number - first
         progress.at("Following the expression", k / count)
@@ -109,7 +117,15 @@ def follow_head(
             lost = True
             continue
         pixels = next((frame.pixels for frame in images if frame.number == number), None)
-        energy = fit.quadratic(fit.unknowns) if pixels is None else fit.refine(pixels, settings, rng)
+        if pixels is None:
+            energy = fit.quadratic(fit.unknowns)
+        else:
+            # Colours move the face about as far from its landmarks as in the frame before.
+            settled = fit.unknowns
+            fit.unknowns = settled + beyond
+            first_steps = _FIRST_STEPS * settings.steps
+            energy = fit.refine(pixels, settings if beyond.any() else replace(settings, steps=first_steps), rng)
+            beyond = fit.unknowns - settled
         energies[k] = replace(energy, curvature_of_data=energy.curvature_of_data.astype(np.float32))
         unknowns[k] = now = fit.unknowns
         misses[k] = float(fit.misses().mean())
@@ -119,9 +135,11 @@ def follow_head(
             f"The face in '{film.path}' is turned by more than {np.degrees(MOST_YAW):.0f} degrees in all frames; use a "
             "film in which it is seen more from the front."
         )
-    progress.at("Smoothing all frames")
+    progress.at("Smoothing all frames", 1.0)
     smooth = _smoothed(unknowns, seen, energies, person, smoothness, film.rate, progress)
-    return FollowedHead(first, smooth[:, :r], smooth[:, r:], placing, seen, misses)
+    off = np.abs((unknowns[seen, :r] - smooth[seen, :r]) @ person.model.subspace.directions.T)
+    noise = _MEDIAN_TO_DEVIATION * np.median(off, axis=0)
+    return FollowedHead(first, smooth[:, :r], smooth[:, r:], placing, seen, misses, noise)
 
 
 def _smoothed(
@@ -141,10 +159,12 @@ def _smoothed(
         return between
     smoothness *= _SMOOTHNESS
     r = unknowns.shape[1] - N_PLACE
-    metric = np.zeros((r + N_PLACE, r + N_PLACE))
-    metric[:r, :r] = 0.5 * smoothness_metric(person.model, smoothness, rate)
-    metric[r:, r:] = np.diag(0.5 * smoothness * (rate / _USUAL_RATE) ** 3 / _CHANGES**2)
-    weak = np.zeros_like(metric)
+    parts = regional_metrics(person.model, 0.5 * smoothness_metric(person.model, smoothness, rate))
+    # The place of the head is the last group.
+    metrics = np.zeros((len(parts) + 1, r + N_PLACE, r + N_PLACE))
+    metrics[:-1, :r, :r] = parts
+    metrics[-1, r:, r:] = np.diag(0.5 * smoothness * (rate / _USUAL_RATE) ** 3 / _CHANGES**2)
+    weak = np.zeros_like(metrics[0])
     weak[:r, :r] = person.prior.precision
     weak[r:, r:] = np.diag(_UNSEEN / _CHANGES**2)
     problems = [
@@ -155,7 +175,7 @@ def _smoothed(
     for begin in range(0, len(result), _WINDOW - _OVERLAP):
         end = min(begin + _WINDOW, len(result))
         result[begin:end] = smooth_poses(
-            problems[begin:end], metric, result[begin:end], result[max(begin - 2, 0) : begin], progress
+            problems[begin:end], metrics, result[begin:end], result[max(begin - 2, 0) : begin], progress, _SUDDEN
         )
         if end == len(result):
             break

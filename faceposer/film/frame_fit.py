@@ -212,9 +212,9 @@ class ColourSettings:
     """
 
     height: float = 200.0
-    blur: float = 1.5
-    steps: int = 3
-    weight: float = 0.2
+    blur: float = 1.0
+    steps: int = 4
+    weight: float = 0.3
     n_samples: int = 1500
     damping: float = 0.01
 

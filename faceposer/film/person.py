@@ -14,7 +14,7 @@ from faceposer.identity.identity import Identity
 from faceposer.identity.photos.dense_fit import DenseFitter, DenseSettings
 from faceposer.identity.photos.face_camera import FaceCamera
 from faceposer.identity.photos.face_crop import FaceCrop
-from faceposer.identity.photos.face_places import FacePlaces, LandmarkErrors, load_face_places
+from faceposer.identity.photos.face_places import INNER_LIPS, LIDS, FacePlaces, LandmarkErrors, load_face_places
 from faceposer.identity.photos.head_basis import ExpressionPrior, FacePoints, HeadBasis, head_basis
 from faceposer.identity.photos.head_from_photos import MOST_YAW, turn_of
 from faceposer.identity.photos.landmark_fit import PhotoFace, first_camera, fit_landmarks, fit_points
@@ -31,10 +31,18 @@ Array = NDArray[np.float64]
 _GOOD, _CANDIDATES = 5, 40
 # Turn of the head, in radians, that counts as much as an opening of the mouth by this share of the face's height.
 _TURN, _OPENING = 0.25, 0.12
+# Least distance of these frames from each other in this measure.
+_DISTINCT = 0.2
 # Standard deviation of the logarithm of the focal length once it is known from all good frames.
 _SHARED_FOCAL = 0.02
+# Correlation of the expressions in two of these frames.
+_ALIKE = 0.9
 # Standard deviation of landmarks, in centimetres, apart from their constant errors: alone, and beside colours.
 _DEVIATION, _BESIDE_COLOURS = 0.45, 0.7
+# Those of the lids and of the inner edge of the lips, at most: they move by less than others err.
+_LIDS, _INNER_LIPS = 0.2, 0.4
+# Weight of the density of expressions where constant errors are looked for.
+_WEAK = 0.1
 # Points on the lips, and on top of the face and the chin, whose distances tell an open mouth.
 _LIPS, _BROW_CHIN = (13, 14), (10, 152)
 
@@ -86,10 +94,12 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
     progress = progress or Progress()
     progress.at("Preparing the model of heads")
     basis, places = head_basis(), load_face_places()
+    progress.check()
     good = _good_frames(film, track, basis, places)
     progress.at("Fitting the head")
     images = {}
     for frame in film.frames(span, max(track.size)):
+        progress.check()
         if frame.number in good:
             images[frame.number] = frame.pixels
         if len(images) == len(good):
@@ -98,23 +108,24 @@ def find_person(film: Film, span: Span, track: Track, colours: bool = True, prog
     faces = [track.faces[at[number]] for number in good]
     focal = focal_in_pixels(LIKELY_FOCAL_MM, track.size)
     photos = [PhotoFace(face, track.size, focal, FOCAL_SPREAD) for face in faces if face is not None]
-    first = fit_landmarks(photos, basis, places, 1.0, progress)
+    first = fit_landmarks(photos, basis, places, 1.0, progress.part(0.0, 0.1), _ALIKE)
     shared = float(np.median([view.camera.log_focal for view in first.state.views]))
     photos = [replace(photo, focal=math.exp(shared), focal_spread=_SHARED_FOCAL) for photo in photos]
     crops = [FaceCrop.of(photo, images[number]) for photo, number in zip(photos, good, strict=True)]
-    fit = fit_landmarks([crop.face for crop in crops], basis, places, 1.0, progress)
+    fit = fit_landmarks([crop.face for crop in crops], basis, places, 1.0, progress.part(0.1, 0.2), _ALIKE)
     samples = shipped_samples(basis, places) if colours else None
     rows = np.tile(fit.state.shape, (len(basis.editor.segment_names), 1))
     texture = None
     if samples is not None:
-        dense = DenseFitter(crops, fit, basis, samples, DenseSettings(segment_steps=0)).fit(progress)
+        dense = DenseFitter(crops, fit, basis, samples, DenseSettings(segment_steps=0)).fit(progress.part(0.2, 0.9))
         rows = dense.rows
         texture = dense.state.texture if dense.refined else None
+    progress.at("Preparing the head", 0.9)
     model = build_face_model(basis.editor.with_head(Identity.of(rows)))
     points = basis.landmarks_of(model, places)
     prior = ExpressionPrior.of(model)
     skin = None if samples is None or texture is None else _skin_of(samples, model, texture)
-    errors = _errors_of(photos, points, prior, places, _DEVIATION if skin is None else _BESIDE_COLOURS)
+    errors = _errors_of(photos, points, prior, places, _DEVIATION if skin is None else _BESIDE_COLOURS, progress)
     middle = fit.state.views[0].camera.middle
     return Person(model, points, prior, skin, errors, shared, middle, tuple(good))
 
@@ -148,7 +159,7 @@ def _good_frames(film: Film, track: Track, basis: HeadBasis, places: FacePlaces)
         # Neither the strongest turn nor the widest mouth is best seen.
         apart = np.where(turned[usable] < 0.7 * MOST_YAW, apart, 0.0)
         best = int(usable[np.argmax(apart)])
-        if best in picked:
+        if best in picked or apart.max() < _DISTINCT:
             break
         picked.append(best)
     return [int(track.numbers[chosen[k]]) for k in picked]
@@ -173,15 +184,26 @@ def _skin_of(samples: SkinSamples, model: FaceModel, texture: Array) -> SkinSamp
 
 
 def _errors_of(
-    photos: Sequence[PhotoFace], points: FacePoints, prior: ExpressionPrior, places: FacePlaces, deviation: float
+    photos: Sequence[PhotoFace],
+    points: FacePoints,
+    prior: ExpressionPrior,
+    places: FacePlaces,
+    deviation: float,
+    progress: Progress,
 ) -> LandmarkErrors:
     """Return the errors of the landmarks: the networks err alike in all frames of a face, but for a ``deviation``."""
+    # What the prior takes from an expression is no error of the networks.
+    weak = replace(prior, precision=_WEAK * prior.precision)
     shifts = []
     for photo in photos:
-        fit = fit_points([photo], points, prior, places)
+        progress.check()
+        fit = fit_points([photo], points, weak, places)
         view = fit.state.views[0]
         off = photo.landmarks.points[:N_POINTS, :2] - view.camera.project(points.at(np.zeros(0), view.pose))[:N_POINTS]
         shifts.append(off @ upright(photo.landmarks) / math.exp(view.camera.log_scale))
     # A landmark is the place on the face plus its error; `LandmarkErrors` are added to the places.
     mean = np.median(shifts, axis=0) * len(shifts) / (len(shifts) + 1.0)
-    return replace(LandmarkErrors.plain(deviation), mean=mean)
+    deviations = LandmarkErrors.plain(deviation).deviations
+    deviations[list(LIDS)] = _LIDS
+    deviations[list(INNER_LIPS)] = min(deviation, _INNER_LIPS)
+    return LandmarkErrors(mean, np.zeros((0, *mean.shape)), deviations)

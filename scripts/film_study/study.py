@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 METHODS = ("neutral", "frames alone", "landmarks, not smooth", "landmarks", "colours, not smooth", "colours")
 _FIRST_SEED, _FIRST_FRAME = 8000, 2000
+# Openings of the jaw per second, and frames at which blinks begin, with their weights.
+_FAST_SEED, _JAW_HZ, _BLINKS, _BLINK = 8100, 5.0, (5, 51), (0.5, 1.0, 0.9, 0.4, 0.1)
 # Distance of the vertices measured from the landmarks, in centimetres.
 _REACH = 1.2
 _DRAWS = 1000
@@ -86,6 +88,34 @@ class Study:
                 moved = np.tensordot(found, shapes, 1)
                 errors = 10.0 * np.linalg.norm(moved - truth, axis=2).mean(axis=1)
                 yield Trial(method, errors, _jerk(moved), _jerk(truth), seconds)
+
+    def fast(self, number: int) -> Iterator[dict[str, Any]]:
+        """Yield the rows of a film of a person who opens the jaw five times a second and blinks twice."""
+        names, seed = self.basis.character.shape_names, _FAST_SEED + number
+        jaw, lids = names.index("jawOpen"), [names.index("eyeBlink" + side) for side in ("Left", "Right")]
+        speech = np.arange(18, 48)
+        weights = np.zeros((60, len(names)))
+        weights[speech, jaw] = 0.2 * (1.0 - np.cos(2.0 * np.pi * _JAW_HZ * (speech - speech[0]) / self.rate))
+        for begin in _BLINKS:
+            weights[begin : begin + len(_BLINK), lids] = np.array(_BLINK)[:, None]
+        person = random_person(self.basis.editor, self.basis.character, seed)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "film.mp4"
+            encode(path, draw_film(person, self.basis.character, weights, self.rate, seed).frames, self.rate)
+            for method, found, _ in self._followed(open_film(path)):
+                truth, moved = weights[speech, jaw], found[speech, jaw]
+                centred = truth - truth.mean()
+                shifts = np.arange(-1.5, 1.51, 0.05)
+                alike = [np.interp(speech + shift, np.arange(60), found[:, jaw]) @ centred for shift in shifts]
+                closed = [found[begin : begin + len(_BLINK), lids].max(axis=0).mean() for begin in _BLINKS]
+                yield {
+                    "test": "fast",
+                    "method": method,
+                    "seed": seed,
+                    "jaw_share": round(float(centred @ moved / (centred @ centred)), 3),
+                    "frames_late": round(float(shifts[int(np.argmax(alike))]), 2),
+                    "blink_share": round(float(np.mean(closed) - np.median(found[speech][:, lids])), 3),
+                }
 
     def steadiness(self, photo: Path, n_frames: int) -> Iterator[dict[str, Any]]:
         """Yield the rows of a film that pans and zooms over ``photo``, whose face does not move."""

@@ -8,7 +8,7 @@ import pytest
 from faceposer.animation import following
 from faceposer.animation.following import solve_trajectories
 from faceposer.animation.smoothing import smooth_poses
-from faceposer.animation.terms import CHANGE, SmoothnessTerm, TrackTerm, smoothness_metric
+from faceposer.animation.terms import CHANGE, SmoothnessTerm, TrackTerm, regional_metrics, smoothness_metric
 from faceposer.animation.trajectories import Trajectories
 from faceposer.geometry.camera import Camera, OrbitView
 from faceposer.geometry.picking import SurfacePoints
@@ -162,6 +162,70 @@ def test_all_poses_together_are_at_a_minimum(model: FaceModel) -> None:
         assert energy(found + way) > least
         assert energy(found - way) > least
     assert least < energy(poses)
+
+
+class Bowl:
+    """The energy (x - at)^2 / (2 sigma^2) of two coefficients."""
+
+    def __init__(self, at: Array, sigma: float) -> None:
+        self.at, self.precision = at, 1.0 / sigma**2
+
+    def energy_and_gradient(self, p: Array) -> tuple[float, Array]:
+        off = p - self.at
+        return 0.5 * self.precision * float(off @ off), self.precision * off
+
+    def curvature(self, p: Array) -> Array:
+        return self.precision * np.eye(len(p))
+
+
+def test_sudden_changes_pass_while_what_hardly_moves_is_steady() -> None:
+    """One coefficient speaks five times a second at 30 frames per second, the other rests; both are noisy."""
+    rng, frames = np.random.default_rng(0), np.arange(60)
+    truth = np.stack([0.2 * np.sin(2.0 * np.pi * 5.0 * frames / 30.0), np.zeros(60)], axis=1)
+    noisy = truth + rng.normal(0.0, 0.01, truth.shape)
+    metrics = np.array([np.diag([1e4, 0.0]), np.diag([0.0, 1e4])])
+    problems = [Bowl(at, 0.03) for at in noisy]
+    usual = smooth_poses(problems, metrics.sum(axis=0), noisy, noisy[:0], Progress())
+    kept = smooth_poses(problems, metrics, noisy, noisy[:0], Progress(), 0.3)
+    share = [float(found[:, 0] @ truth[:, 0] / (truth[:, 0] @ truth[:, 0])) for found in (usual, kept)]
+    assert share[0] < 0.5
+    assert share[1] > 0.95
+    resting = [float(np.diff(found[:, 1], 3).std()) for found in (noisy, kept)]
+    assert resting[1] < 0.1 * resting[0]
+
+
+def test_poses_with_sudden_changes_are_at_a_minimum() -> None:
+    rng = np.random.default_rng(1)
+    at, before = rng.normal(0.0, 0.1, (12, 2)), rng.normal(0.0, 0.1, (2, 2))
+    metrics = np.array([np.diag([300.0, 0.0]), np.array([[50.0, 20.0], [20.0, 100.0]])])
+    problems = [Bowl(row, 0.1) for row in at]
+    found = smooth_poses(problems, metrics, at, before, Progress(), 0.5)
+
+    def energy(x: Array) -> float:
+        changes = np.diff(np.concatenate([before, x]), 2, axis=0)
+        costs = np.array([[d @ metric @ d for metric in metrics] for d in changes])
+        return sum(problem.energy_and_gradient(p)[0] for problem, p in zip(problems, x, strict=True)) + float(
+            0.5 * np.log1p(costs / 0.5).sum()
+        )
+
+    for row, column in rng.integers(0, (12, 2), (8, 2)):
+        step = np.zeros_like(found)
+        step[row, column] = 1e-5
+        slope = (energy(found + step) - energy(found - step)) / 2e-5
+        scale = (energy(at + step) - energy(at - step)) / 2e-5
+        assert abs(slope) < 0.02 * max(abs(scale), 1.0)
+    assert energy(found) < energy(at)
+
+
+def test_regions_share_the_cost_of_a_change(model: FaceModel) -> None:
+    metric = smoothness_metric(model, 1.0, 30.0)
+    parts = regional_metrics(model, metric)
+    jaw = model.coefficients_of({"jawOpen": 0.3})
+    costs = np.einsum("i,gij,j->g", jaw, parts, jaw)
+    regions = list(dict.fromkeys(model.rig_density.regions))
+    assert costs.min() > -1e-9
+    assert regions[int(np.argmax(costs))] == "jaw"
+    assert costs.max() > 0.8 * jaw @ metric @ jaw
 
 
 def test_a_long_take_in_parts_is_as_good_as_in_one(model: FaceModel, monkeypatch: pytest.MonkeyPatch) -> None:

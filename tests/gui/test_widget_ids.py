@@ -519,7 +519,15 @@ def visit_film(robot: Robot, folder: Path) -> None:
     model = robot.app.session.model
     dense = Keyframes.of_performance(Performance(np.zeros((3, model.n_coefficients)), 10.0))
     track = Track((40, 40), np.arange(3), (None,) * 3, Shot(0, 2))
-    found = FilmExpression(dense.performance(model), feature.film, 0, track, ("The film cuts.",), {})
+    found = FilmExpression(
+        dense.performance(model),
+        feature.film,
+        0,
+        track,
+        ("The film cuts.",),
+        {},
+        np.full(len(model.character.shape_names), 0.02),
+    )
     robot.frames(1)
     feature.result = MadeKeys(found, dense, dense.reduced(model, 0.1))
     robot.frames(3)

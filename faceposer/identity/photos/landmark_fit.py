@@ -85,6 +85,7 @@ def fit_landmarks(
     places: FacePlaces,
     strength: float = 1.0,
     progress: Progress | None = None,
+    alike: float = 0.0,
 ) -> LandmarkFit:
     """Return the head that the ``faces`` of one person show, with the pose and the camera of each photo.
 
@@ -94,8 +95,9 @@ def fit_landmarks(
         places: Places of the landmarks.
         strength: Weight of the density of heads.
         progress: Progress to update.
+        alike: Correlation of the expressions of two photos.
     """
-    return fit_points(faces, basis.landmarks(places), basis.prior, places, strength, progress)
+    return fit_points(faces, basis.landmarks(places), basis.prior, places, strength, progress, alike)
 
 
 def fit_points(
@@ -105,6 +107,7 @@ def fit_points(
     places: FacePlaces,
     strength: float = 1.0,
     progress: Progress | None = None,
+    alike: float = 0.0,
 ) -> LandmarkFit:
     """Return the fit of ``points`` of heads; other arguments as for `fit_landmarks`."""
     views = tuple(
@@ -116,7 +119,7 @@ def fit_points(
         LandmarkTerm.of(face.landmarks, points, places.errors, math.exp(view.camera.log_scale), view.camera.rotation)
         for face, view in zip(faces, views, strict=True)
     )
-    priors = Priors(prior, tuple((math.log(face.focal), face.focal_spread) for face in faces), strength)
+    priors = Priors(prior, tuple((math.log(face.focal), face.focal_spread) for face in faces), strength, alike)
     return minimised(state, terms, priors, progress)
 
 

@@ -124,11 +124,14 @@ class Priors:
         expression: That of poses.
         log_focals: Expected logarithm of the focal length of each photo, and its standard deviation.
         strength: Weight of the density of heads and textures: below 1 for likeness, above 1 for likelihood.
+        alike: Correlation of the expressions of two photos, from 0 up to less than 1. If photos were taken to be
+            independent, a smile that all of them show would be likelier a property of the head, which counts once.
     """
 
     expression: ExpressionPrior
     log_focals: tuple[tuple[float, float], ...]
     strength: float = 1.0
+    alike: float = 0.0
 
     def shape_weights(self, n: int) -> Array:
         """Return the weights of n coefficients of heads, the modes with the largest variance first.
@@ -149,10 +152,18 @@ class Priors:
         """Return the cost."""
         total = 0.5 * float(self.shape_weights(len(state.shape)) @ np.square(state.shape))
         total += 0.5 * self.texture_weight * float(state.texture @ state.texture)
+        poses = np.array([view.pose for view in state.views])
+        total += 0.5 * float(np.vdot(self._between() @ poses, poses @ self.expression.precision))
         for view, (expected, spread) in zip(state.views, self.log_focals, strict=True):
-            total += self.expression.cost(view.pose) + 0.5 * float(view.errors @ view.errors)
+            total += self.expression.bounds.evaluate(view.pose)[0] + 0.5 * float(view.errors @ view.errors)
             total += 0.5 * ((view.camera.log_focal - expected) / spread) ** 2
         return total
+
+    def _between(self) -> Array:
+        """Return the inverse of the correlation of expressions between photos, shape (n, n)."""
+        n, rest = len(self.log_focals), 1.0 - self.alike
+        result: Array = (np.eye(n) - self.alike / (rest + n * self.alike)) / rest
+        return result
 
     def add(self, state: FitState, equations: NormalEquations) -> None:
         """Add the priors to ``equations``."""
@@ -160,9 +171,15 @@ class Priors:
         weights = self.shape_weights(len(state.shape))
         equations.add_block(layout.shape, weights * state.shape, np.diag(weights))
         equations.add_block(layout.texture, self.texture_weight * state.texture, self.texture_weight)
+        places = [layout.view(number).pose for number in range(len(state.views))]
+        pose = np.concatenate([view.pose for view in state.views])
+        # Kronecker's product of the correlations between photos and within an expression.
+        precision = np.asarray(np.kron(self._between(), self.expression.precision), dtype=np.float64)
+        equations.add_products(precision, precision @ pose, places)
         for number, (view, (expected, spread)) in enumerate(zip(state.views, self.log_focals, strict=True)):
             at = layout.view(number)
-            equations.add_block(at.pose, *self.expression.slope_and_curvature(view.pose))
+            _, slope, _, curvature = self.expression.bounds.evaluate(view.pose)
+            equations.add_block(at.pose, slope, curvature)
             equations.add_block(at.errors, view.errors, 1.0)
             focal = np.zeros(at.camera.stop - at.camera.start)
             focal[5:7] = 1.0 / spread

@@ -1,11 +1,13 @@
 """Films of faces in the window: the dialog, its work, the keys, and the film beside the face."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from faceposer.animation.keyframes import FilmSource, Key, Keyframes
 from faceposer.film.film import FILM_SUFFIXES
 from faceposer.gui.events import Drop
 from faceposer.gui.features.film.feature import FilmFeature
@@ -14,6 +16,7 @@ from faceposer.gui.testing.scripted_user import Robot
 from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.path_browser import PathBrowser
 from faceposer.model.face_model import FaceModel
+from faceposer.session.opening import open_session
 from tests.film.films import speaking_face
 from tests.windows import OpenWindow
 
@@ -72,6 +75,44 @@ def test_a_film_becomes_keys_and_is_shown_beside_the_face(open_window: OpenWindo
     robot.key("Ctrl+Z")
     robot.frames(2)
     assert not robot.app.features[TimelineFeature].keyframes.keys
+
+
+def test_the_film_of_a_session_is_shown_again(open_window: OpenWindow, film: Path, tmp_path: Path) -> None:
+    robot = open_window("man", (1000, 800), pictures=False)
+    feature, session = robot.app.features[FilmFeature], robot.app.session
+    moved = tmp_path / "moved.gif"
+    moved.write_bytes(film.read_bytes())
+    keys = [Key.of(frame, np.zeros(session.model.n_coefficients)) for frame in (0, 2)]
+    source = FilmSource(str(moved), 1, 25.0)
+    session.animation.load(Keyframes(tuple(keys), 25.0, 3, film=source), "Open a film")
+    session.wait()
+    session.save(tmp_path / "s.json")
+    reopened = open_session(str(tmp_path / "s.json"))
+    assert reopened.animation.keyframes.film == source
+    finish_reading(robot)
+    assert feature._pictures is not None
+    shown = [feature._pictures.at(source.number(frame, 25.0)) for frame in (0, 2)]
+    assert shown[0] is not None
+    assert shown[1] is not None
+    # The mouth is open wider in the later one.
+    assert np.abs(shown[0].astype(int) - shown[1]).max() > 30
+    assert robot.app.actions["film-shown"].enabled()
+    moved.unlink()
+    said: list[str] = []
+    feature.context.notify = lambda text, *_: said.append(text)  # type: ignore[method-assign]
+    session.animation.load(replace(session.animation.keyframes, film=replace(source, first=0)), "Open a film")
+    finish_reading(robot)
+    assert len(said) == 1
+    assert "The film is not shown beside the face." in said[0]
+    assert "moved.gif" in said[0]
+
+
+def finish_reading(robot: Robot) -> None:
+    feature = robot.app.features[FilmFeature]
+    robot.frames(1)
+    assert feature._reading is not None
+    feature._reading.join()
+    robot.frames(2)
 
 
 def test_a_wrong_part_and_a_film_without_a_face_are_said_in_the_dialog(open_window: OpenWindow, tmp_path: Path) -> None:

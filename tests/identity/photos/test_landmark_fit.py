@@ -63,6 +63,34 @@ def test_the_slope_of_the_robust_cost_matches_finite_differences(
         assert equations.slope[number] == pytest.approx(slope, rel=1e-3, abs=1e-2)
 
 
+def test_the_slope_of_priors_of_photos_that_are_alike_matches_finite_differences(
+    basis: HeadBasis, face_camera: FaceCamera
+) -> None:
+    rng = np.random.default_rng(2)
+    r = basis.model.n_coefficients
+    views = tuple(ViewState(0.3 * rng.standard_normal(r), face_camera, np.zeros(0)) for _ in range(3))
+    state = FitState(np.zeros(basis.n_identity), np.zeros(0), views)
+    priors = Priors(basis.prior, ((6.5, 0.3),) * 3, 1.0, 0.9)
+    equations = NormalEquations(Layout.of(state))
+    priors.add(state, equations)
+    for number in (100, 116, 170, 240):
+        step = 1e-5 * np.eye(equations.layout.size)[number]
+        ahead, behind = (priors.cost(state.moved(equations.layout, way)) for way in (step, -step))
+        assert equations.slope[number] == pytest.approx((ahead - behind) / 2e-5, rel=1e-3, abs=1e-2)
+
+
+def test_an_expression_of_photos_that_are_alike_counts_about_once(basis: HeadBasis, face_camera: FaceCamera) -> None:
+    smile = basis.model.coefficients_of({"mouthSmileLeft": 0.6, "mouthSmileRight": 0.6})
+
+    def cost(count: int, alike: float) -> float:
+        views = (ViewState(smile, face_camera, np.zeros(0)),) * count
+        priors = Priors(basis.prior, ((face_camera.log_focal, 0.3),) * count, 1.0, alike)
+        return priors.cost(FitState(np.zeros(basis.n_identity), np.zeros(0), views))
+
+    assert cost(5, 0.0) == pytest.approx(5.0 * cost(1, 0.0))
+    assert cost(5, 0.9) < 1.2 * cost(1, 0.0)
+
+
 @pytest.mark.parametrize("strength", [0.25, 1.0, 4.0])
 def test_the_slope_of_the_priors_matches_finite_differences(
     basis: HeadBasis, face_camera: FaceCamera, strength: float

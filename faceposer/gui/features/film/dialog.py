@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from faceposer.film.film import Film
 
 _WIDTH, _TALLEST, _LABEL, _TIME, _PICTURE = 32.0, 30.0, 4.6, 7.0, 16.0
+# Most of the height of the window that the picture takes.
+_MOST_SHARE = 0.38
 _PREFIX, _TITLE = "film", "Expressions from a film"
 _FORM = (("follow", "Follow the face"), ("cancel", "Cancel"))
 
@@ -125,7 +127,9 @@ class FilmDialog:
         texture = self._picture.texture(self._film.context.gl, image)
         room = imgui.get_content_region_avail().x
         height, width = image.shape[:2]
-        scale = min(room / width, em(_PICTURE) / height)
+        # The dialog is not scrolled on small screens.
+        tall = min(em(_PICTURE), _MOST_SHARE * imgui.get_io().display_size.y)
+        scale = min(room / width, tall / height)
         size = ImVec2(scale * width, scale * height)
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 0.5 * (room - size.x))
         imgui.image(imgui.ImTextureRef(texture), size)

@@ -1,15 +1,17 @@
 """Films of faces: the dialog, the work in the background, the keys, and the film beside the face."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
+from faceposer.animation.keyframes import FilmSource
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
-from faceposer.film.film import FILM_SUFFIXES
+from faceposer.film.film import FILM_SUFFIXES, Span
 from faceposer.film.opening import open_film
 from faceposer.gui.actions import Action, Submenu
 from faceposer.gui.context import EditorContext
@@ -22,25 +24,16 @@ from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.gui.widgets.pictures import Picture
 from faceposer.gui.widgets.theme import EDGE, em, u32
 from faceposer.gui.work_feature import WorkFeature
-from faceposer.session.jobs import outcome
-from faceposer.session.session import Session
+from faceposer.progress import Progress
+from faceposer.session.jobs import ThreadJob, outcome
 
 if TYPE_CHECKING:
     from faceposer.gui.features.film.stills import Stills
 
+# Longer side in pixels at which frames are read to be shown.
+_SIDE = 720
 # Width of the film beside the face, as a share of the view, and its distance from the corner in font sizes.
 _SHARE, _MARGIN = 0.24, 0.8
-
-
-@dataclass(frozen=True, eq=False)
-class _Shown:
-    """A film that is shown beside the face: its pictures, the frame at which the animation begins, and whose it is."""
-
-    stills: "Stills"
-    first: int
-    session: Session
-    length: int
-    rate: float
 
 
 class FilmFeature(FilmState, WorkFeature):
@@ -55,7 +48,10 @@ class FilmFeature(FilmState, WorkFeature):
         WorkFeature.__init__(self, context)
         self._dialog = FilmDialog(self)
         self.visible = True
-        self._shown: _Shown | None = None
+        # Pictures of the film of the animation, and what they were read of.
+        self._pictures: Stills | None = None
+        self._read_of: FilmSource | None = None
+        self._reading: ThreadJob[None] | None = None
         self._picture = Picture()
 
     @property
@@ -81,8 +77,8 @@ class FilmFeature(FilmState, WorkFeature):
                 "View",
                 self.toggle,
                 (),
-                lambda: self._shown is not None,
-                lambda: self._shown is not None and self.visible,
+                lambda: self._source is not None,
+                lambda: self._source is not None and self.visible,
                 help="Show the frames of the film beside the face that follows it",
             ),
         )
@@ -134,6 +130,7 @@ class FilmFeature(FilmState, WorkFeature):
         Raises:
             Exception: The error of the work, unless the user can resolve it; then the dialog shows it.
         """
+        self._keep_pictures()
         job = self.job
         if job is None:
             return
@@ -150,11 +147,12 @@ class FilmFeature(FilmState, WorkFeature):
         assert result is not None
         assert stills is not None
         assert film is not None
-        keyframes = result.few if few else result.dense
+        source = FilmSource(str(film.path), result.found.first, film.rate)
+        keyframes = replace(result.few if few else result.dense, film=source)
         self.close_dialog()
+        self._stop_reading()
+        self._pictures, self._read_of = stills, source
         self.context.feature(AnimationFilesFeature).load(keyframes, "Open a film")
-        session, found = self.context.session, result.found
-        self._shown = _Shown(stills, found.first, session, keyframes.length, keyframes.rate)
         self.visible = True
         self.context.dismiss_guide()
         self.context.notify(f"Opened {film.path.name}: {counted(len(keyframes.keys), 'key')}")
@@ -166,20 +164,46 @@ class FilmFeature(FilmState, WorkFeature):
         self.visible = not self.visible
         self.context.redraw()
 
-    def session_changed(self) -> None:
-        """Forget the film of another session."""
-        if self._shown is not None and self._shown.session is not self.context.session:
-            self._shown = None
+    @property
+    def _source(self) -> FilmSource | None:
+        """The film that the animation follows, or None."""
+        keyframes = self.context.session.animation.keyframes
+        return keyframes.film if keyframes.keys else None
+
+    def _keep_pictures(self) -> None:
+        """Read the pictures of the film of the animation in the background, unless they are known."""
+        source, job = self._source, self._reading
+        if job is not None and job.done:
+            self._reading = None
+            self.context.redraw()
+            if isinstance(job.error, FacePoserError):
+                self.context.notify(f"The film is not shown beside the face. {job.error}")
+            elif job.error is not None:
+                raise job.error
+        if self._reading is not None:
+            self.context.redraw(1)
+        if source is None or not self.visible or source == self._read_of:
+            return
+        self._stop_reading()
+        # Imported late to shorten the start of the window.
+        from faceposer.gui.features.film.stills import Stills
+
+        self._pictures, self._read_of = Stills(), source
+        length = self.context.session.animation.keyframes.length / self.context.session.animation.keyframes.rate
+        work = partial(_read, source, length, self._pictures)
+        self._reading = ThreadJob(work, self.context.wake, "Reading the film")
+
+    def _stop_reading(self) -> None:
+        if self._reading is not None:
+            self._reading.cancel()
+            self._reading = None
 
     def draw_over(self, draw: imgui.ImDrawList) -> None:
         """Draw the frame of the film that belongs to the current frame of the timeline."""
-        shown, session = self._shown, self.context.session
-        if shown is None or not self.visible or session is not shown.session:
+        source, session = self._source, self.context.session
+        if source is None or not self.visible or self._pictures is None or source != self._read_of:
             return
-        keyframes = session.animation.keyframes
-        if not keyframes.keys or (keyframes.length, keyframes.rate) != (shown.length, shown.rate):
-            return
-        image = shown.stills.at(shown.first + session.document.frame)
+        image = self._pictures.at(source.number(session.document.frame, session.animation.keyframes.rate))
         if image is None:
             return
         viewport = self.context.viewport
@@ -203,6 +227,8 @@ class FilmFeature(FilmState, WorkFeature):
     def close(self) -> None:
         """Cancel the work and release pictures."""
         self.stop()
+        if self._reading is not None:
+            self._reading.cancel()
         self._dialog.release()
         self._picture.release()
 
@@ -210,3 +236,14 @@ class FilmFeature(FilmState, WorkFeature):
         """Wait until the cancelled work has ended."""
         if self.job is not None:
             self.job.join()
+        if self._reading is not None:
+            self._reading.join()
+
+
+def _read(source: FilmSource, seconds: float, pictures: "Stills", progress: Progress) -> None:
+    """Read the ``pictures`` of so many ``seconds`` of a film."""
+    film = open_film(Path(source.path), source.rate)
+    begin = source.first / source.rate
+    for frame in film.frames(Span(begin, begin + seconds), _SIDE):
+        progress.at("Reading the film", min((frame.number - source.first) / (seconds * source.rate), 1.0))
+        pictures.watch(frame, None)

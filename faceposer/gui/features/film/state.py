@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from faceposer.animation.keyframes import TOLERANCE, Keyframes
+from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.film.film import Film, Span, check_span, seconds_of
 from faceposer.gui.context import EditorContext
@@ -16,6 +16,9 @@ from faceposer.session.jobs import ThreadJob
 if TYPE_CHECKING:
     from faceposer.film.expression import FilmExpression
     from faceposer.gui.features.film.stills import Stills
+
+# Share of the time after which keys are chosen.
+_KEYS = 0.97
 
 Page = Literal["form", "working", "result"]
 
@@ -105,7 +108,8 @@ class FilmState:
 def _work(path: Path, model: FaceModel, span: Span, colours: bool, stills: "Stills", progress: Progress) -> MadeKeys:
     from faceposer.film.expression import expression_of_film
 
-    found = expression_of_film(path, model, span=span, colours=colours, progress=progress, watch=stills.watch)
-    progress.at("Choosing keys")
-    dense = Keyframes.of_performance(found.performance)
-    return MadeKeys(found, dense, dense.reduced(model, TOLERANCE))
+    found = expression_of_film(
+        path, model, span=span, colours=colours, progress=progress.part(0.0, _KEYS), watch=stills.watch
+    )
+    progress.at("Choosing keys", _KEYS)
+    return MadeKeys(found, Keyframes.of_performance(found.performance), found.keys(model, progress))
