@@ -3,6 +3,7 @@
 Run from the root of a checkout, with photos that may be shown (docs/photo-heads.md names those of the page)::
 
     python -m scripts.photo_gallery astronaut.png grace_hopper.jpg [--cells DIR]
+    python -m scripts.photo_gallery --painting MonaLisa.jpg --output docs/images/painting-head.jpg
 """
 
 import argparse
@@ -40,10 +41,10 @@ _VIEWS = (
 )
 
 
-def cells_of(path: Path, size: tuple[int, int]) -> dict[str, Pixels]:
+def cells_of(path: Path, size: tuple[int, int], painting: bool = False) -> dict[str, Pixels]:
     """Return the photo ``path`` about the face, and pictures of the head made of it, by name."""
     read = read_face(path)
-    head = head_from_photos([read.face], [read.pixels], [str(path)], name="photo", title="Photo")
+    head = head_from_photos([read.face], [read.pixels], [str(path)], name="photo", title="Photo", painting=painting)
     model = head.model
     cells = {"photo": _photo(read, size), "pose": _in_photo(head, read, size)}
     for name, expression, yaw in _VIEWS:
@@ -100,11 +101,12 @@ def main() -> int:
     parser.add_argument("photos", type=Path, nargs="+", help="photos of one person each, a row of the picture each")
     parser.add_argument("--output", type=Path, default=ROOT / "docs" / "images" / "photo-heads.jpg")
     parser.add_argument("--cells", type=Path, help="folder for the single pictures, three times as large, instead")
+    parser.add_argument("--painting", action="store_true", help="the photos are of paintings or drawings")
     options = parser.parse_args()
     factor = 3 if options.cells else 1
     rows = []
     for path in options.photos:
-        cells = cells_of(path, (factor * _WIDTH, factor * _HEIGHT))
+        cells = cells_of(path, (factor * _WIDTH, factor * _HEIGHT), options.painting)
         rows.append(np.hstack(list(cells.values())))
         for name, pixels in cells.items() if options.cells else ():
             options.cells.mkdir(parents=True, exist_ok=True)

@@ -40,8 +40,11 @@ _OVER_BROW = 1.5
 _LEAST_WIDTH, _MOST_WIDTH, _SHARE = 0.12, 0.6, 0.3
 # What is left out about a frame, in centimetres.
 _MARGIN = 0.1
-# Least mean and median darkness of the lower half of a frame, and least darkness of bridge and temples.
-_DISTINCT, _WEAKEST = 0.2, 0.2
+#: Least mean and median darkness of the lower half of a frame, in a photo and in a painting, where shadows about the
+#: eyes can be as dark as thin frames.
+DISTINCT, DISTINCT_PAINTED = 0.2, 0.35
+# Least darkness of bridge and temples.
+_WEAKEST = 0.2
 # Farthest bridge from the middle, and nearest temple, and heights over the eyes between which they lie, in centimetres.
 _BRIDGE, _TEMPLE, _LEVELS = 1.6, 4.4, (-1.2, 1.4)
 # Logarithms by which glasses' reflections are brighter than skin: the first counts fully, the second not at all.
@@ -67,10 +70,10 @@ class Frame:
     darkness: Array
 
     @property
-    def distinct(self) -> bool:
-        """True if the lower half is so dark that nothing of a face is like it."""
+    def distinctness(self) -> float:
+        """Lesser one of the mean and the median darkness of the lower half, where nothing of a face is like it."""
         lower = self.darkness[len(self.darkness) // 2 :]
-        return bool(min(lower.mean(), np.median(lower)) > _DISTINCT)
+        return float(min(lower.mean(), np.median(lower)))
 
     def distances(self, points: Array) -> tuple[Array, Array]:
         """Return how far ``points``, (n, 2), lie outside the frame's middle, and half its width there, (n,)."""
@@ -106,16 +109,17 @@ class FrontView:
         self._texels = np.where(self._known, front[np.minimum(nearest, len(front) - 1)], 0)
         self._brows = np.where(self._known, brows[self._texels], 0.0).reshape(self._shape)
 
-    def kept(self, logs: Array, weights: Array) -> Array | None:
+    def kept(self, logs: Array, weights: Array, distinct: float = DISTINCT) -> Array | None:
         """Return factors on the weights of texels: 0 where there are glasses; None if there are none, (n,).
 
         Args:
             logs: Logarithms of colours over those of the skin expected, about 0 for skin, shape (n, 3).
             weights: How much each texel is seen, 0 to 1, shape (n,).
+            distinct: Least distinctness of a frame.
         """
         darkness = np.maximum(self._darkness(logs.min(axis=1), weights), self._darkness(-logs.max(axis=1), weights))
         frames = self.frames(darkness)
-        if not all(frame.distinct for frame in frames):
+        if any(frame.distinctness <= distinct for frame in frames):
             return None
         masked, inside = np.zeros(len(logs), dtype=bool), np.zeros(len(logs), dtype=bool)
         for frame in frames:

@@ -57,7 +57,7 @@ PAINTED = 2.0
 # Style and density of brows that photos do not show.
 _LOST_BROWS, _LOST_DENSITY = "straight", 0.7
 # How much more colours of a painted face may differ than those of skin under one light.
-_TOLERANCE = 1.8
+_TOLERANCE = 1.2
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from faceposer.errors import FacePoserError
 from faceposer.geometry.texture_images import DECODER_ERRORS
 from faceposer.identity.photos.face_places import FacePlaces
 from faceposer.identity.photos.face_texels import SIDE, Texels, face_texels, smooth_step
+from faceposer.identity.photos.glasses import DISTINCT, DISTINCT_PAINTED
 from faceposer.identity.photos.head_basis import HeadBasis
 from faceposer.identity.photos.skin_bands import blended_difference
 from faceposer.identity.photos.unlit_colours import LitPhoto, unlit_colours
@@ -189,8 +190,7 @@ def seen_skin(
         colours, weights, facing = unlit_colours(photo, texels, basis)
         logs = np.log(np.maximum(colours, _BLACK)) - smooth
         plausible, usual = _plausible(logs, weights, texels, on_lips, tolerance)
-        # Glasses are as dark in a painting as in a photo.
-        bare = texels.front.kept(logs - usual, weights)
+        bare = texels.front.kept(logs - usual, weights, DISTINCT_PAINTED if painted else DISTINCT)
         bare = np.ones(len(weights)) if bare is None else bare
         worn[texels.at] *= 1.0 - bare
         weights = weights * bare * plausible * _no_teeth(logs, weights, on_lips)
