@@ -3,6 +3,7 @@
 import argparse
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from faceposer.files.numbers import plain_float
@@ -33,6 +34,18 @@ def whole_number(text: str, least: int, most: int) -> int | None:
     if not (text.isascii() and text.isdigit() and len(text) <= len(str(most))) or not least <= int(text) <= most:
         return None
     return int(text)
+
+
+def whole_between(least: int, most: int) -> Callable[[str], int]:
+    """Return a parser of whole numbers from ``least`` to ``most`` for the ``type`` of an argument."""
+
+    def parse(text: str) -> int:
+        value = whole_number(text, least, most)
+        if value is None:
+            raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from {least} to {most}")
+        return value
+
+    return parse
 
 
 def number_between(text: str, least: float, most: float) -> float:

@@ -36,7 +36,9 @@ def add_parser(commands: Any) -> None:
     rename.add_argument("--name", help="new short name")
     rename.add_argument("--title", help="new display name")
     rename.add_argument("--credits", help="new credits: origin and licence")
-    rename.add_argument("--shape", metavar="OLD=NEW", nargs="+", default=[], help="new names of shapes")
+    rename.add_argument(
+        "--shape", metavar="OLD=NEW", nargs="+", action="extend", default=[], help="new names of shapes"
+    )
     for action in (info, check, rename):
         action.add_argument("file", metavar="CHARACTER", help="character file (.npz), or the name of a character")
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from faceposer.cli.arguments import add_spread, number, number_between, output_path, whole_number
+from faceposer.cli.arguments import add_spread, number, number_between, output_path, whole_between
 from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_distinct, check_not_input, check_output
 
@@ -71,14 +71,24 @@ def add_parser(commands: Any) -> None:
         help="strength of the pose (default: 1)",
     )
     changes.add_argument(
-        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="attributes of the head, such as weight=1.5"
+        "--set",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME=VALUE",
+        help="attributes of the head, such as weight=1.5",
     )
     changes.add_argument(
-        "--add", nargs="+", default=[], metavar="NAME=VALUE", help="changes of attributes, such as weight=-0.6"
+        "--add",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME=VALUE",
+        help="changes of attributes, such as weight=-0.6",
     )
     changes.add_argument(
         "--photo-number",
-        type=lambda text: whole_number(text, 1, 100),
+        type=whole_between(1, 100),
         metavar="N",
         help="photo of the session, counted from 1 (default: 1)",
     )

@@ -36,6 +36,7 @@ def add_parser(commands: Any) -> None:
         type=Path,
         metavar="FILE",
         nargs="+",
+        action="extend",
         default=[],
         help="performances (.csv, .txt, .json, .glb) from which the prior of a rig is learned",
     )

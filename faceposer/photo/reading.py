@@ -89,11 +89,15 @@ def read_photo(path: Path, largest: int | None = None) -> NDArray[np.uint8]:
         if largest is not None:
             # JPEG can be decoded at a fraction of its size.
             image.draft("RGB", (largest, largest))
-        upright = ImageOps.exif_transpose(image)
+        # Pillow needs four bytes for a pixel: large photos are not copied.
+        ImageOps.exif_transpose(image, in_place=True)
+        upright: Image.Image = image
         if upright.mode in ("RGBA", "LA", "PA") or "transparency" in upright.info:
             layer = upright.convert("RGBA")
             upright = Image.alpha_composite(Image.new("RGBA", layer.size, (40, 42, 46, 255)), layer)
-        reduced = _eight_bits(upright).convert("RGB")
+        reduced = _eight_bits(upright)
+        if reduced.mode != "RGB":
+            reduced = reduced.convert("RGB")
         if largest is not None and max(reduced.size) > largest:
             reduced.thumbnail((largest, largest), Image.Resampling.LANCZOS)
         return np.ascontiguousarray(np.asarray(reduced, dtype=np.uint8))

@@ -8,6 +8,7 @@ from faceposer.cli.arguments import number_between, output_path
 from faceposer.cli.identity.heads import ROOM, check_titles
 from faceposer.errors import FacePoserError, counted, printable
 from faceposer.files.atomic import check_distinct, check_not_input, check_output, check_space
+from faceposer.files.paths import same_file
 from faceposer.identity.photos import LIKELIHOODS
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ def add_parser(subcommands: Any) -> None:
     parser.add_argument(
         "--pins",
         nargs="+",
+        action="extend",
         type=Path,
         default=[],
         metavar="PINS.json",
@@ -88,6 +90,9 @@ def run(options: argparse.Namespace) -> int:
 
     if len(options.photos) > _MOST_PHOTOS:
         raise FacePoserError(f"There are {len(options.photos)} photos; give at most {_MOST_PHOTOS}.")
+    for number, path in enumerate(options.photos):
+        if any(same_file(path, other) for other in options.photos[:number]):
+            raise FacePoserError(f"The photo '{path}' is given twice; give each photo once.")
     pins = _pins_of(options)
     found = []
     for path, given in zip(options.photos, pins, strict=True):
@@ -142,8 +147,8 @@ def _pins_of(options: argparse.Namespace) -> list[dict[str, tuple[float, float]]
         return [{} for _ in options.photos]
     if len(options.pins) != len(options.photos):
         raise FacePoserError(
-            f"There are {counted(len(options.photos), 'photo')} and {counted(len(options.pins), 'file')} of pins; give "
-            "one for each photo, or - for a photo without."
+            f"{counted(len(options.photos), 'photo')} and {counted(len(options.pins), 'file')} of pins were given; "
+            "give one file for each photo, or - for a photo without."
         )
     known = set(load_character("man").feature_points) - set(EXTRAPOLATED)
     result = []

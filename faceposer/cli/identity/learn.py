@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from faceposer.cli.arguments import output_path, whole_number
+from faceposer.cli.arguments import output_path, whole_between
 from faceposer.cli.identity.heads import ROOM
 from faceposer.errors import FacePoserError, counted
 from faceposer.files import paths
@@ -27,11 +27,15 @@ def add_parser(subcommands: Any) -> None:
     )
     parser.add_argument("folder", metavar="FOLDER", help="folder with a mesh of each person's head")
     parser.add_argument("-o", "--output", type=output_path, required=True, metavar="MODEL.npz", help="write the model")
-    parser.add_argument("--rounds", type=_whole(1, _MOST_ROUNDS), default=2, help="rounds of learning (default: 2)")
-    parser.add_argument("--modes", type=_whole(1, _MOST_MODES), help="most modes (default: one less than the scans)")
+    parser.add_argument(
+        "--rounds", type=whole_between(1, _MOST_ROUNDS), default=2, help="rounds of learning (default: 2)"
+    )
+    parser.add_argument(
+        "--modes", type=whole_between(1, _MOST_MODES), help="most modes (default: one less than the scans)"
+    )
     parser.add_argument("--from-mean", action="store_true", help="begin with the mean head instead of the whole model")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_whole(1, _MOST_WORKERS), default=1, help="processes (default: 1)")
+    where.add_argument("--workers", type=whole_between(1, _MOST_WORKERS), default=1, help="processes (default: 1)")
     where.add_argument("--scheduler", metavar="ADDRESS", help="compute on the workers of a Dask cluster")
 
 
@@ -69,16 +73,6 @@ def run(options: argparse.Namespace) -> int:
     print(f"{learned.model.n_coefficients} modes of {len(scans)} scans")
     print(f"{options.output} written")
     return 0
-
-
-def _whole(least: int, most: int) -> Callable[[str], int]:
-    def parse(text: str) -> int:
-        value = whole_number(text, least, most)
-        if value is None:
-            raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from {least} to {most}")
-        return value
-
-    return parse
 
 
 def _scans_in(folder: str) -> list[str]:

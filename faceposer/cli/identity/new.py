@@ -42,6 +42,7 @@ def add_parser(subcommands: Any) -> None:
     parser.add_argument(
         "--segments",
         nargs="+",
+        action="extend",
         default=[],
         metavar="SEGMENT",
         help="parts of the head that are random: eyes, nose, mouth, rest; the others are those of the base",
