@@ -39,9 +39,6 @@ _NECK = (0.05, 0.25)
 _UNDERSIDE = -0.45
 # How far the angle of the jaw is before the ears, as a share of the head's height.
 _ANGLE = 0.05
-# Distance from the inside of the mouth, in heights of the head, up to which what is darker than such a share of the
-# lips' brightness belongs to it.
-_CORNERS, _SHADED = 0.025, 0.5
 # Height of the ends of the head, as a share of its own.
 _END = 0.02
 # Rings of triangles around the neck that belong to it.
@@ -172,7 +169,7 @@ class HeadInPhoto:
     @cached_property
     def lids(self) -> NDArray[np.bool_]:
         """The triangles of the lids, shape (T,); none if the character has no such regions."""
-        return self._of_regions(_LIDS)
+        return self.of_regions(_LIDS)
 
     @cached_property
     def middles_of_lids(self) -> Array:
@@ -190,32 +187,16 @@ class HeadInPhoto:
         """Distance of each pixel that shows the inside of the mouth from its edge, 0 elsewhere, shape (h, w)."""
         return self._depth_in(self.inside)
 
-    @cached_property
-    def away_from_mouth(self) -> Array:
-        """Distance of each pixel of the grid from the inside of the mouth, or from where closed lips meet, (h, w).
-
-        What is dark beside it, such as the corners of the mouth, belongs to it, since lips of the model and of the
-        photo are never exactly the same.
-        """
-        faces, (width, height) = self.surface.faces, self.camera.size
-        inside = ((faces >= 0) & self.inside[faces]).reshape(height, width)
-        upper, lower = (((faces >= 0) & self._of_regions((name,))[faces]).reshape(height, width) for name in _LIPS[:2])
-        inside |= upper & ndimage.binary_dilation(lower)
-        if not inside.any():
-            return np.full((height, width), float(height))
-        brightness = self.picture.mean(axis=2)
-        lips = upper | lower
-        if lips.any():
-            near = ndimage.distance_transform_edt(~inside) < _CORNERS * self.head_height
-            dark = near & (brightness < _SHADED * np.median(brightness[lips]))
-            inside = ndimage.binary_propagation(inside, mask=inside | dark)
-        result: Array = ndimage.distance_transform_edt(~inside)
+    def shown(self, triangles: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which pixels of the grid show one of ``triangles``, a mask of shape (T,), shape (h, w)."""
+        width, height = self.camera.size
+        faces = self.surface.faces
+        result: NDArray[np.bool_] = ((faces >= 0) & triangles[faces]).reshape(height, width)
         return result
 
     def _depth_in(self, triangles: NDArray[np.bool_]) -> Array:
-        faces, (width, height) = self.surface.faces, self.camera.size
-        shown = (faces >= 0) & triangles[faces]
-        result: Array = ndimage.distance_transform_edt(shown.reshape(height, width))
+        """Return the distance of each pixel that shows one of ``triangles``, (T,), from their edge, else 0, (h, w)."""
+        result: Array = ndimage.distance_transform_edt(self.shown(triangles))
         return result
 
     @cached_property
@@ -287,7 +268,7 @@ class HeadInPhoto:
     @cached_property
     def lips(self) -> NDArray[np.bool_]:
         """The triangles of the lips, shape (T,); none if the character has no such regions."""
-        return self._of_regions(_LIPS) & ~self.inside
+        return self.of_regions(_LIPS) & ~self.inside
 
     @cached_property
     def redness(self) -> Array:
@@ -299,9 +280,9 @@ class HeadInPhoto:
     @cached_property
     def red_of_lips(self) -> NDArray[np.bool_]:
         """The triangles of the red of the lips, shape (T,); none if the character has no such regions."""
-        return self._of_regions(_LIPS[:2]) & ~self.inside
+        return self.of_regions(_LIPS[:2]) & ~self.inside
 
-    def _of_regions(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
+    def of_regions(self, names: tuple[str, ...]) -> NDArray[np.bool_]:
         """Return the mask of the triangles of the skin in regions with ``names``, shape (T,)."""
         regions = [self.character.regions[name] for name in names if name in self.character.regions]
         found = np.zeros(len(self.character.vertices), dtype=bool)

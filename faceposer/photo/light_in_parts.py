@@ -35,6 +35,8 @@ _WHITE = 1.0
 _TINT, _WALLS, _EYE_TINT = 0.35, 0.65, 0.6
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
 _TONE, _HUE = 0.7, 0.3
+# That of irises and whites, and the model's brightnesses between which an iris becomes a white.
+_EYE_TONE, _IRIS = 1.6, (0.4, 0.6)
 _BLACK = 0.02
 # Least number of pixels that show the photo's teeth, eyes, or skin around them.
 _LEAST = 30
@@ -112,7 +114,7 @@ def no_brighter(head: HeadInPhoto, colours: Array) -> Array:
     return result
 
 
-def _once_per_head(work: Callable[[HeadInPhoto], Array]) -> Callable[[HeadInPhoto], Array]:
+def once_per_head(work: Callable[[HeadInPhoto], Array]) -> Callable[[HeadInPhoto], Array]:
     """Return ``work`` whose results are kept as long as their heads."""
     known: WeakKeyDictionary[HeadInPhoto, Array] = WeakKeyDictionary()
 
@@ -125,7 +127,7 @@ def _once_per_head(work: Callable[[HeadInPhoto], Array]) -> Callable[[HeadInPhot
     return found
 
 
-@_once_per_head
+@once_per_head
 def tone_of_teeth(head: HeadInPhoto) -> Array:
     """Return the logarithm of the colour of the photo's teeth relative to those drawn, shape (3,); 0 if it has none."""
     surface, size = head.surface, head.camera.size
@@ -138,19 +140,40 @@ def tone_of_teeth(head: HeadInPhoto) -> Array:
     return np.zeros(3) if tone is None else np.median(tone, axis=0)
 
 
-@_once_per_head
-def tone_of_eyes(head: HeadInPhoto) -> Array:
-    """Return the logarithm of the colour of the photo's eyes relative to those drawn, shape (3,); 0 if it has none."""
+def tone_of_eyes(head: HeadInPhoto, drawn: Array) -> Array:
+    """Return the logarithm of the photo's colours of irises and whites relative to those ``drawn``, (n, 3).
+
+    Args:
+        head: The head in the photo.
+        drawn: The model's colours of eyes under white light, shape (n, 3); dark ones are irises.
+    """
+    iris, white = _tones_of_eyes(head)
+    share = smooth_step(drawn.mean(axis=1), _IRIS)[:, None]
+    return (1.0 - share) * iris + share * white
+
+
+@once_per_head
+def _tones_of_eyes(head: HeadInPhoto) -> Array:
+    """Return the logarithms of the colours of the photo's irises and whites relative to those drawn, (2, 3).
+
+    They are those of both eyes together, so that these stay alike; 0 if the photo shows none.
+    """
     surface = head.surface
     eyes = head.eyes[surface.faces[surface.at]]
     size, height = head.camera.size, head.head_height
     edge = depth_in(eyes, surface, size) / height
     light = light_on_eyes(head, surface, surface.of_vertices(head.light_on(head.vertices)), size, height)
-    tone = _tones(head, eyes & (edge > _DEEP), light)
+    result = np.zeros((2, 3))
+    among = eyes & (edge > _DEEP)
+    tone = _tones(head, among, light, _EYE_TONE)
     if tone is None:
-        return np.zeros(3)
-    usual = np.median(tone, axis=0)
-    result: Array = usual.mean() + _HUE * (usual - usual.mean())
+        return result
+    brightness = surface.colours(head.character, among).mean(axis=1)
+    for number, chosen in enumerate((brightness < _IRIS[0], brightness > _IRIS[1])):
+        usual = np.median(tone[chosen] if chosen.sum() >= _LEAST else tone, axis=0)
+        # A white has little hue of its own; an iris has that of the person.
+        hue = 1.0 if number == 0 and chosen.sum() >= _LEAST else _HUE
+        result[number] = usual.mean() + hue * (usual - usual.mean())
     return result
 
 
@@ -169,7 +192,7 @@ def tone_of_lids(head: HeadInPhoto, points: Array) -> Array:
     return result
 
 
-@_once_per_head
+@once_per_head
 def _tones_around_eyes(head: HeadInPhoto) -> Array:
     """Return the logarithm of the colour of the photo's skin around each eye relative to that drawn, (n, 3)."""
     surface, middles = head.surface, head.middles_of_lids
@@ -188,13 +211,16 @@ def _tones_around_eyes(head: HeadInPhoto) -> Array:
     return result
 
 
-def _tones(head: HeadInPhoto, among: Mask, light: Array) -> Array | None:
-    """Return logarithms of the photo's colours relative to the model's in ``light``, (n, 3), ``among`` its pixels."""
+def _tones(head: HeadInPhoto, among: Mask, light: Array, limit: float = _TONE) -> Array | None:
+    """Return logarithms of the photo's colours relative to the model's in ``light``, (n, 3), ``among`` its pixels.
+
+    They are None if there are too few, and go to ``limit`` at most.
+    """
     if among.sum() < _LEAST:
         return None
     surface = head.surface
     colours = surface.colours(head.character, among) * light[among]
     photo = head.picture.reshape(-1, 3)[surface.at[among]]
     tone = np.log(np.maximum(photo, _BLACK)) - np.log(np.maximum(colours, _BLACK))
-    result: Array = np.clip(tone, -_TONE, _TONE)
+    result: Array = np.clip(tone, -limit, limit)
     return result
