@@ -40,8 +40,8 @@ _OPENING = (0.006, 0.012)
 # Change of the opening of the mouth, in heights of the head, between which the edges of lips are drawn anew.
 _CHANGED = (0.004, 0.012)
 # Half the width of the line between closed lips that are drawn, in heights of the head and in pixels of the photo, the
-# larger counts, and how much darker it is than the lips.
-_LINE, _LINE_BLURRED, _DARKER = 0.004, 0.5, 0.5
+# larger counts, and how many times more often lips reflect its light.
+_LINE, _LINE_BLURRED, _DARKER = 0.004, 0.5, 1.4
 # Width over which shares of lips are smoothed, in heights of the head.
 _EVEN = 0.004
 # Cosines between lips and view in the photo between which it shows them, and growth of it from which they are drawn.
@@ -226,7 +226,8 @@ class _Drawing:
         colours[eyes] = no_brighter(head, colours[eyes] * np.exp(tone_of_eyes(head, bare[eyes])))
         colours[lids] *= np.exp(tone_of_lids(head, before[lids]))
         colours[lips] = self._colours_of_lips(before[lips], surface.of_vertices(self._reds)[lips], at[lips])
-        colours[lips] *= (1.0 - _DARKER * self.edges * self._line(surface, size, height)[lips])[:, None]
+        # Light between lips has been reflected by them more than once, which makes it redder.
+        colours[lips] **= 1.0 + _DARKER * self.edges * self._line(surface, size, height)[lips, None]
         share, painted = np.zeros(len(surface.faces)), np.zeros((len(surface.faces), 3))
         share[surface.at], painted[surface.at] = shares, shares[:, None] * np.clip(colours, 0.0, 1.0)
         cells = (bottom - top, _FINE, right - left, _FINE)
@@ -261,6 +262,11 @@ class _Drawing:
             mask[surface.at] = (self.head.of_regions((name,)) & ~self.head.inside)[surface.faces[surface.at]]
             image.append(mask.reshape(size[1], size[0]))
         line = ndimage.binary_dilation(image[0]) & ndimage.binary_dilation(image[1])
+        # Beside an opening they meet behind it only.
+        inside = np.zeros(len(surface.faces), dtype=bool)
+        inside[surface.at] = self.head.inside[surface.faces[surface.at]]
+        if inside.any():
+            line &= ndimage.distance_transform_edt(~inside.reshape(size[1], size[0])) > 2.0 * _LINE * height
         if not line.any():
             return np.zeros(len(surface.at))
         width = max(_LINE * height, _LINE_BLURRED * self.head.pixel * _FINE)

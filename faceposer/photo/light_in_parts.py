@@ -35,8 +35,9 @@ _WHITE = 1.0
 _TINT, _WALLS, _EYE_TINT = 0.35, 0.65, 0.6
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
 _TONE, _HUE = 0.7, 0.3
-# That of irises and whites, and the model's brightnesses between which an iris becomes a white.
-_EYE_TONE, _IRIS = 1.6, (0.4, 0.6)
+# That of irises and whites, and the model's brightnesses between which an iris becomes a white; the
+# share of irises that is darker than the usual one, since lights are mirrored by them and whites are beside them.
+_EYE_TONE, _IRIS, _DARKER = 1.6, (0.55, 0.75), 0.3
 _BLACK = 0.02
 # Least number of pixels that show the photo's teeth, eyes, or skin around them.
 _LEAST = 30
@@ -170,7 +171,7 @@ def _tones_of_eyes(head: HeadInPhoto) -> Array:
         return result
     brightness = surface.colours(head.character, among).mean(axis=1)
     for number, chosen in enumerate((brightness < _IRIS[0], brightness > _IRIS[1])):
-        usual = np.median(tone[chosen] if chosen.sum() >= _LEAST else tone, axis=0)
+        usual = np.quantile(tone[chosen] if chosen.sum() >= _LEAST else tone, (_DARKER, 0.5)[number], axis=0)
         # A white has little hue of its own; an iris has that of the person.
         hue = 1.0 if number == 0 and chosen.sum() >= _LEAST else _HUE
         result[number] = usual.mean() + hue * (usual - usual.mean())

@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # Distance from the model's opening, in heights of the head, up to which teeth and dark of the photo belong to it: about
-# one and a half heights of a lip.
-_NEAR = 0.045
+# one and a half heights of a lip; and half the width of gaps between them that belong to it, too.
+_NEAR, _GAPS = 0.06, 0.012
 # Brightness relative to that of the lips below which it is dark between them, and above which there may be teeth; their
 # greatest redness relative to that of skin.
-_DARK, _BRIGHT, _PALE = 0.5, 1.1, 0.75
+_DARK, _BRIGHT, _PALE = 0.6, 1.0, 0.85
 # Least redness of skin, a logarithm, that tells teeth from it, and the brightness of teeth, relative to that of the
 # lips, where none does, as in grey photos.
 _COLOURED, _GREY_BRIGHT = 0.08, 1.5
@@ -38,6 +38,10 @@ def away_from_mouth(head: HeadInPhoto) -> Array:
         return np.full(upper.shape, float(upper.shape[0]))
     near = ndimage.distance_transform_edt(~opening) < _NEAR * head.head_height
     joined = ndimage.binary_propagation(opening, mask=opening | near & _no_lips(head, upper | lower, opening))
+    # Shaded gaps between teeth have the colours of skin.
+    gaps = _GAPS * head.head_height
+    grown = ndimage.distance_transform_edt(~joined) <= gaps
+    joined |= near & (ndimage.distance_transform_edt(grown) > gaps)
     result: Array = ndimage.distance_transform_edt(~joined)
     return result
 
