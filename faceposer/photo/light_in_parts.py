@@ -24,20 +24,20 @@ Mask = NDArray[np.bool_]
 _DEEP = 0.01
 # Light inside the mouth: depths behind the front teeth, in heights of the head, between which it falls to a share, the
 # widths of gaps between teeth that are no darker than these, and the shadow of the lips with its width.
-_DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.1, 0.006, 0.4, 0.018
+_DEPTHS, _DARK, _GAP, _SHADOW, _SHADOW_WIDTH = (0.02, 0.13), 0.13, 0.006, 0.4, 0.018
 # Height of openings, in heights of the head, between which light gets in, and its share in narrow ones.
 _OPENING, _NARROW = (0.004, 0.018), 0.3
 # Shadow of the lids on the eyes, and its width in heights of the head.
 _LID_SHADOW, _LID_WIDTH = 0.35, 0.012
 # Largest brightness of eyes relative to skin.
 _WHITE = 1.0
-# How much of the tint of the skin teeth, the rest of the mouth, and eyes have.
-_TINT, _WALLS, _EYE_TINT = 0.35, 0.65, 0.6
+# How much of the tint of the skin teeth, the rest of the mouth, teeth in its depth, and eyes have.
+_TINT, _WALLS, _DEEP_TINT, _EYE_TINT = 0.35, 0.65, 1.0, 0.6
 # Limit of the change of tone of drawn parts, and the share of its hue that is kept.
 _TONE, _HUE = 0.7, 0.3
-# That of irises and whites, and the model's brightnesses between which an iris becomes a white; the
-# share of irises that is darker than the usual one, since lights are mirrored by them and whites are beside them.
-_EYE_TONE, _IRIS, _DARKER = 1.6, (0.55, 0.75), 0.3
+# That of irises and whites; the model's brightness up to which there is a pupil, and those between which an iris
+# becomes a white; the share of irises that is darker than the usual one, since they mirror lights beside whites.
+_EYE_TONE, _PUPIL, _IRIS, _DARKER = 1.6, 0.2, (0.68, 0.8), 0.3
 _BLACK = 0.02
 # Least number of pixels that show the photo's teeth, eyes, or skin around them.
 _LEAST = 30
@@ -81,7 +81,8 @@ def light_in_mouth(
     )
     # Light that red walls have reflected is redder.
     teeth = triangles_of(character, ("teeth",))[surface.faces[surface.at]]
-    tint = np.where(teeth[:, None], head.tint**_TINT, head.tint**_WALLS)
+    deep = _TINT + (_DEEP_TINT - _TINT) * image.reshape(-1)[surface.at, None] ** 2
+    tint = np.where(teeth[:, None], head.tint**deep, head.tint**_WALLS)
     result: Array = (share * light.mean(axis=1))[:, None] * tint
     return result
 
@@ -150,14 +151,22 @@ def tone_of_eyes(head: HeadInPhoto, drawn: Array) -> Array:
     """
     iris, white = _tones_of_eyes(head)
     share = smooth_step(drawn.mean(axis=1), _IRIS)[:, None]
-    return (1.0 - share) * iris + share * white
+    return (1.0 - share) * (iris - _hues(drawn)) + share * white
+
+
+def _hues(colours: Array) -> Array:
+    """Return the logarithms of ``colours``, (n, 3), relative to their brightness, (n, 3)."""
+    bright = np.maximum(colours, _BLACK)
+    result: Array = np.log(bright) - np.log(bright.mean(axis=1, keepdims=True))
+    return result
 
 
 @once_per_head
 def _tones_of_eyes(head: HeadInPhoto) -> Array:
     """Return the logarithms of the colours of the photo's irises and whites relative to those drawn, (2, 3).
 
-    They are those of both eyes together, so that these stay alike; 0 if the photo shows none.
+    They are those of both eyes together, so that these stay alike; 0 if the photo shows none. Irises drawn are grey,
+    so that those of one person get no hue from those of another.
     """
     surface = head.surface
     eyes = head.eyes[surface.faces[surface.at]]
@@ -169,12 +178,16 @@ def _tones_of_eyes(head: HeadInPhoto) -> Array:
     tone = _tones(head, among, light, _EYE_TONE)
     if tone is None:
         return result
-    brightness = surface.colours(head.character, among).mean(axis=1)
-    for number, chosen in enumerate((brightness < _IRIS[0], brightness > _IRIS[1])):
-        usual = np.quantile(tone[chosen] if chosen.sum() >= _LEAST else tone, (_DARKER, 0.5)[number], axis=0)
-        # A white has little hue of its own; an iris has that of the person.
-        hue = 1.0 if number == 0 and chosen.sum() >= _LEAST else _HUE
-        result[number] = usual.mean() + hue * (usual - usual.mean())
+    colours = surface.colours(head.character, among)
+    brightness = colours.mean(axis=1)
+    iris, white = (brightness > _PUPIL) & (brightness < _IRIS[0]), brightness > _IRIS[1]
+    usual = np.median(tone[white] if white.sum() >= _LEAST else tone, axis=0)
+    # A white has little hue of its own.
+    result[1] = usual.mean() + _HUE * (usual - usual.mean())
+    if iris.sum() >= _LEAST:
+        result[0] = np.quantile((tone + _hues(colours))[iris], _DARKER, axis=0)
+    else:
+        result[0] = result[1] + np.median(_hues(colours), axis=0)
     return result
 
 

@@ -14,15 +14,17 @@ from faceposer.photo.light_in_parts import once_per_head
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Distance from the model's opening, in heights of the head, up to which teeth and dark of the photo belong to it: about
-# one and a half heights of a lip; and half the width of gaps between them that belong to it, too.
-_NEAR, _GAPS = 0.06, 0.012
-# Brightness relative to that of the lips below which it is dark between them, and above which there may be teeth; their
-# greatest redness relative to that of skin.
-_DARK, _BRIGHT, _PALE = 0.6, 1.0, 0.85
-# Least redness of skin, a logarithm, that tells teeth from it, and the brightness of teeth, relative to that of the
-# lips, where none does, as in grey photos.
-_COLOURED, _GREY_BRIGHT = 0.08, 1.5
+# Distances from the model's opening, in heights of the head, up to which dark of a closed mouth belongs to it, and teeth
+# and dark of an open one: about one and a half heights of a lip. Half the width of gaps between them that belong to
+# it, too, and the least height of an opening that shows teeth.
+_CLOSED, _OPEN, _GAPS, _OPENED = 0.025, 0.06, 0.012, 0.012
+# Brightness relative to that of the lips below which it is dark between closed lips and open ones.
+_DARK, _DARK_OPEN = 0.5, 0.6
+# How much of the opening is surely teeth, their greatest redness relative to that of skin, and how far from theirs to
+# that of skin colours are teeth.
+_SURE, _PALE, _BETWEEN = 0.3, 0.7, 0.55
+# Blur of colours, in pixels of the photo, against noise.
+_BLUR = 0.6
 _BLACK = 0.02
 
 
@@ -36,12 +38,15 @@ def away_from_mouth(head: HeadInPhoto) -> Array:
     opening = head.shown(head.inside) | (upper & ndimage.binary_dilation(lower))
     if not opening.any():
         return np.full(upper.shape, float(upper.shape[0]))
-    near = ndimage.distance_transform_edt(~opening) < _NEAR * head.head_height
-    joined = ndimage.binary_propagation(opening, mask=opening | near & _no_lips(head, upper | lower, opening))
+    opened = 2.0 * float(head.depth_in_mouth.max()) > _OPENED * head.head_height
+    near = ndimage.distance_transform_edt(~opening) < (_OPEN if opened else _CLOSED) * head.head_height
+    found = opening | near & _no_lips(head, upper | lower, opened)
     # Shaded gaps between teeth have the colours of skin.
-    gaps = _GAPS * head.head_height
-    grown = ndimage.distance_transform_edt(~joined) <= gaps
-    joined |= near & (ndimage.distance_transform_edt(grown) > gaps)
+    if opened:
+        gaps = _GAPS * head.head_height
+        grown = ndimage.distance_transform_edt(~found) <= gaps
+        found |= near & (ndimage.distance_transform_edt(grown) > gaps)
+    joined = ndimage.binary_propagation(opening, mask=found)
     result: Array = ndimage.distance_transform_edt(~joined)
     return result
 
@@ -52,22 +57,21 @@ def lips_in(head: HeadInPhoto) -> tuple[Mask, Mask]:
     return upper, lower
 
 
-def _no_lips(head: HeadInPhoto, lips: Mask, opening: Mask) -> Mask:
+def _no_lips(head: HeadInPhoto, lips: Mask, opened: bool) -> Mask:
     """Return which pixels of the grid have the colours of teeth, or are dark, beside those of ``lips``, (h, w)."""
-    colours = np.maximum(head.picture.astype(np.float64), _BLACK)
-    brightness = colours.mean(axis=2)
     if not lips.any():
-        return np.zeros(lips.shape, dtype=bool)
-    # The middles of both lips are surest to be lips in the photo.
-    deep = ndimage.distance_transform_edt(lips)
-    middle = lips & (deep >= np.median(deep[lips])) & ~opening
-    usual = float(np.median(brightness[middle if middle.any() else lips]))
+        return lips
+    blur = _BLUR * head.pixel
+    colours = np.maximum(ndimage.gaussian_filter(head.picture.astype(np.float64), (blur, blur, 0.0)), _BLACK)
+    brightness = colours.mean(axis=2)
+    usual = float(np.median(brightness[lips]))
+    if not opened:
+        return np.asarray(brightness < _DARK * usual)
+    result: Mask = brightness < _DARK_OPEN * usual
     red = np.log(colours[..., 0] / colours[..., 1])
-    tint = np.log(np.maximum(head.tint, _BLACK))
-    skin = float(tint[0] - tint[1])
-    if skin > _COLOURED:
-        teeth = (brightness > _BRIGHT * usual) & (red < _PALE * skin)
-    else:
-        teeth = brightness > _GREY_BRIGHT * usual
-    result: Mask = teeth | (brightness < _DARK * usual)
+    skin = float(np.log(head.tint[0] / head.tint[1]))
+    inside = head.shown(head.inside) & ~result
+    teeth = float(np.quantile(red[inside], _SURE)) if inside.any() else skin
+    if teeth < _PALE * skin:
+        result |= red < teeth + _BETWEEN * (skin - teeth)
     return result

@@ -210,6 +210,54 @@ def test_opened_lips_do_not_show_the_line_between_them(model: FaceModel) -> None
     assert (made[lips].mean(axis=1) < 0.65 * usual).mean() < 0.03
 
 
+@pytest.mark.parametrize("lower", [0.0, 0.5], ids=["fitting", "off"])
+def test_lips_that_close_show_no_teeth_of_the_photo(model: FaceModel, lower: float) -> None:
+    smile = {"mouthLowerDownLeft": 0.5, "mouthLowerDownRight": 0.5, "mouthUpperUpLeft": 0.5, "mouthUpperUpRight": 0.5}
+    smiling = blocks(model, {"jawOpen": 0.12, "mouthSmileLeft": 0.6, "mouthSmileRight": 0.6, **smile})
+    picture, _ = drawn(model, smiling)
+    # Teeth are white in the photo, and the model lies some pixels off it.
+    surface = SurfaceInPicture.of(model.character, smiling, CAMERA)
+    teeth = surface.at[inside_of_mouth(model.character)[surface.faces[surface.at]]]
+    assert len(teeth) > 100
+    picture.reshape(-1, 3)[teeth] = (235, 228, 215)
+    off = smiling - (0.0, lower, 0.0)
+    head = HeadInPhoto.of(model.character, off, CAMERA, picture, 300, "face.jpg")
+    np.testing.assert_array_equal(put_back(head, off), picture)
+    closed = np.asarray(model.surface(model.neutral()), dtype=np.float64) - (0.0, lower, 0.0)
+    made = put_back(head, closed)
+    surface, triangles = shown(head, closed)
+    red = np.zeros(head.camera.size[0] * head.camera.size[1], dtype=bool)
+    red[surface.at[head.red_of_lips[triangles]]] = True
+    shape = (SIZE[1], SIZE[0])
+    lips = red.reshape(head.camera.size[::-1])
+    assert lips.shape == shape
+    lips = ndimage.binary_erosion(lips)
+    assert lips.sum() > 60
+    # Teeth are far less saturated than lips.
+    saturation = np.ptp(made[lips].astype(float), axis=1) / made[lips].max(axis=1)
+    usual = np.ptp(picture[lips].astype(float), axis=1) / picture[lips].max(axis=1)
+    assert saturation.min() > 0.6 * np.quantile(usual, 0.8)
+
+
+def test_eyes_that_open_have_the_irises_of_the_photo(model: FaceModel, head: HeadInPhoto) -> None:
+    picture = head.pixels.copy()
+    eyes = head.eyes[head.surface.faces[head.surface.at]]
+    colours = head.surface.colours(head.character)
+    irises = head.surface.at[eyes & (colours.mean(axis=1) < 0.7)]
+    assert len(irises) > 40
+    rows, columns = np.divmod(irises, head.camera.size[0])
+    picture[rows, columns] = (95, 55, 25)
+    brown = HeadInPhoto.of(model.character, head.vertices, CAMERA, picture, 300, "face.jpg")
+    wide = blocks(model, {"eyeWideLeft": 1.0, "eyeWideRight": 1.0})
+    change = photo_change(brown, wide)
+    surface, triangles = shown(brown, wide)
+    new = head.eyes[triangles] & (change.drawn.reshape(-1)[surface.at] > 0.9)
+    drawn_irises = surface.at[new & (np.abs(surface.colours(head.character).mean(axis=1) - 0.45) < 0.2)]
+    assert len(drawn_irises) > 4
+    red, green, blue = np.median(change.colours.reshape(-1, 3)[drawn_irises], axis=0)
+    assert red > 1.15 * green > 1.3 * blue
+
+
 def test_eyes_that_lids_had_covered_are_drawn_and_no_brighter_than_skin(model: FaceModel, head: HeadInPhoto) -> None:
     wide = blocks(model, {"eyeWideLeft": 1.0, "eyeWideRight": 1.0})
     surface, triangles = shown(head, wide)
