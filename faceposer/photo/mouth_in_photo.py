@@ -14,15 +14,14 @@ from faceposer.photo.light_in_parts import once_per_head
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Distances from the model's opening, in heights of the head, up to which dark of a closed mouth belongs to it, and teeth
-# and dark of an open one: about one and a half heights of a lip. Half the width of gaps between them that belong to
-# it, too, and the least height of an opening that shows teeth.
+# Distances from the model's opening, in heights of the head, up to which dark of a closed mouth belongs to it, and
+# teeth and dark of an open one: about one and a half heights of a lip. Half the width of gaps between them that belong
+# to it, too, and the least height of an opening that shows teeth.
 _CLOSED, _OPEN, _GAPS, _OPENED = 0.025, 0.06, 0.012, 0.012
 # Brightness relative to that of the lips below which it is dark between closed lips and open ones.
 _DARK, _DARK_OPEN = 0.5, 0.6
-# How much of the opening is surely teeth, their greatest redness relative to that of skin, and how far from theirs to
-# that of skin colours are teeth.
-_SURE, _PALE, _BETWEEN = 0.3, 0.7, 0.55
+# Greatest redness of teeth relative to that of skin, and their least brightness relative to that of lips.
+_PALE, _BRIGHT = 0.62, 0.9
 # Blur of colours, in pixels of the photo, against noise.
 _BLUR = 0.6
 _BLACK = 0.02
@@ -70,8 +69,5 @@ def _no_lips(head: HeadInPhoto, lips: Mask, opened: bool) -> Mask:
     result: Mask = brightness < _DARK_OPEN * usual
     red = np.log(colours[..., 0] / colours[..., 1])
     skin = float(np.log(head.tint[0] / head.tint[1]))
-    inside = head.shown(head.inside) & ~result
-    teeth = float(np.quantile(red[inside], _SURE)) if inside.any() else skin
-    if teeth < _PALE * skin:
-        result |= red < teeth + _BETWEEN * (skin - teeth)
+    result |= (brightness > _BRIGHT * usual) & (red < _PALE * skin)
     return result
