@@ -20,7 +20,7 @@ from faceposer.gui.widgets.modal import (
 )
 from faceposer.gui.widgets.pictures import Picture
 from faceposer.gui.widgets.sliders import row_label
-from faceposer.gui.widgets.text import displayed
+from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import BAD, em
 from faceposer.gui.widgets.tooltips import tooltip
 
@@ -72,7 +72,7 @@ class FilmDialog:
                 "degrees are filled in from those around. The motion of the head is not part of the animation."
             )
             row_label("Film", width=_LABEL)
-            imgui.text_unformatted(displayed(film.path.name))
+            imgui.text_unformatted(shortened(film.path.name, imgui.get_content_region_avail().x))
             tooltip(str(film.path))
             row_label("", width=_LABEL)
             imgui.text_unformatted(_length_of(film))
