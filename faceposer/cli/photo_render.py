@@ -69,7 +69,7 @@ def _change(face: "Face", options: argparse.Namespace) -> None:
 
     if options.strength is not None and options.pose is None:
         raise FacePoserError("--strength needs --pose.")
-    wanted, added = values_of(options.set, "The attribute"), values_of(options.add, "The attribute")
+    wanted, added = values_of(options.set, "--set"), values_of(options.add, "--add")
     twice = sorted(wanted.keys() & added.keys())
     if twice:
         raise FacePoserError(f"'{twice[0]}' is given by --set and by --add; give one of them.")
