@@ -131,7 +131,7 @@ def main() -> None:
         save_window(robot, output / "timeline.jpg")
         robot.key("P")
         app.actions["export-other"].run()
-        robot.frames(2)
+        robot.frames(6)
         robot.click_widget("export:gif")
         save_window(robot, output / "export.jpg")
         save_video(robot, Path(folder), output / "film.jpg")

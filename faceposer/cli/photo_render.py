@@ -69,13 +69,19 @@ def _change(face: "Face", options: argparse.Namespace) -> None:
 
     if options.strength is not None and options.pose is None:
         raise FacePoserError("--strength needs --pose.")
-    wanted, added = values_of(options.set, "The attribute"), values_of(options.add, "The attribute")
+    wanted, added = values_of(options.set, "--set"), values_of(options.add, "--add")
     twice = sorted(wanted.keys() & added.keys())
     if twice:
         raise FacePoserError(f"'{twice[0]}' is given by --set and by --add; give one of them.")
     if wanted or added:
         present = face.attributes
-        # Names that do not exist are reported with the others.
-        face.set_attributes(wanted | {name: present.get(name, 0.0) + value for name, value in added.items()})
+        try:
+            # Names that do not exist are reported with the others.
+            face.set_attributes(wanted | {name: present.get(name, 0.0) + value for name, value in added.items()})
+        except FacePoserError as error:
+            known = ", ".join(f"{name} is {present[name]:.2f}" for name in added if name in present)
+            raise FacePoserError(
+                f"{error} --add changes the present value: {known}." if known else str(error)
+            ) from error
     if options.pose is not None:
         face.apply_pose(options.pose, 1.0 if options.strength is None else options.strength)

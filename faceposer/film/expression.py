@@ -129,7 +129,7 @@ def _notes(film: Film, track: Track, head: FollowedHead) -> list[str]:
         more = f" and {len(track.cuts) - _SHOWN} more" if len(track.cuts) > _SHOWN else ""
         begin, end = track.shot.first / film.rate, (track.shot.last + 1) / film.rate
         notes.append(
-            f"The film cuts at {', '.join(times)}{more}; the longest shot with a face, from {begin:.2f} to "
+            f"The film cuts at {', '.join(times)}{more}; the shot that shows a face longest, from {begin:.2f} to "
             f"{end:.2f} s, is used; give the times of another part to use that."
         )
     if track.others:

@@ -3,6 +3,7 @@
 import re
 import warnings
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -96,16 +97,18 @@ class AnimatedImage:
     def frames(self, span: Span, largest: int) -> Iterator[FilmFrame]:
         """Yield the frames of a part; see ``Film``."""
         first, last = span.numbers(self.rate)
-        before = -1
+        ends = [round(time * self.rate) for time in self._times.tolist()]
+        ends[-1] = max(ends[-1], 1)
         with _Opened(self.path) as image:
-            for k, time in enumerate(self._times[:-1].tolist()):
-                number = round(time * self.rate)
-                if number <= before or not first <= number < last:
+            for k, (begin, end) in enumerate(pairwise(ends)):
+                # A picture is shown until the next one.
+                numbers = range(max(begin, first), int(min(end, last)))
+                if not numbers:
                     continue
-                before = number
                 image.seek(k)
                 picture = image.convert("RGB").resize(reduced_size(self.size, largest), Image.Resampling.LANCZOS)
-                yield FilmFrame(number, np.ascontiguousarray(np.asarray(picture, dtype=np.uint8)))
+                pixels = np.ascontiguousarray(np.asarray(picture, dtype=np.uint8))
+                yield from (FilmFrame(number, pixels) for number in numbers)
 
 
 class _Opened:

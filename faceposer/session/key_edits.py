@@ -148,7 +148,11 @@ def rename_key(folder: KeyFolder, name: str, new: str) -> str:
         visemes=tuple(stem if one == name else one for one in folder.visemes),
     )
     if listed != folder:
-        listed.write()
+        try:
+            listed.write()
+        except FacePoserError:
+            delete_keys(file for path, file in zip(old, new_files, strict=True) if not paths.same_file(path, file))
+            raise
     # Where the system ignores case, a file may have got its new name already.
     delete_keys(path for path, file in zip(old, new_files, strict=True) if not paths.same_file(path, file))
     return stem

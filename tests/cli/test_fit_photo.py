@@ -84,3 +84,11 @@ def test_of_two_faces_one_is_taken_and_said(tmp_path: Path, capsys: Capture) -> 
     place = float(said.split("at (")[1].split(",")[0])
     eyes = [pin.pixel[0] for pin in read_document(out).photos[0].pins]
     assert min(eyes) < place < max(eyes)
+
+
+def test_a_photo_that_is_given_twice_is_refused(photo: Path, tmp_path: Path, capsys: Capture) -> None:
+    again = tmp_path / "again.png"
+    again.symlink_to(photo)
+    assert run("identity", "fit-photo", photo, again, "-o", tmp_path / "me.npz") == 2
+    assert "again.png' is given twice; give each photo once." in capsys.readouterr().err
+    assert not (tmp_path / "me.npz").exists()

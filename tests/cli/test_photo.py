@@ -71,7 +71,7 @@ def test_photo_refuses_in_one_sentence_and_writes_nothing(
     for arguments, words in (
         (("man", photo, "--pins", few, "-o", out), "aligning the camera needs at least 4"),
         (("man", tmp_path / "none.jpg", "--pins", pins, "-o", out), "There is no photo"),
-        (("man", photo, "--pins", tmp_path / "none.json", "-o", out), "cannot be read"),
+        (("man", photo, "--pins", tmp_path / "none.json", "-o", out), "There is no file of pins"),
         (("man", photo, "--pins", pins, "-o", out, "--focal", -3), "focal length"),
         (("nobody", photo, "--pins", pins, "-o", out), "neither a character"),
         (("man", photo, "--pins", pins, "-o", pins), "is also an input"),
@@ -107,5 +107,5 @@ def test_pins_at_one_pixel_write_nothing(files: tuple[Path, Path], tmp_path: Pat
         pin["pixel"] = [200.0, 150.0]
     pins.write_text(json.dumps(data))
     assert run("photo", "man", photo, "--pins", pins, "-o", tmp_path / "out.json") == 2
-    assert "The pins determine no camera" in capsys.readouterr().err
+    assert "all pins are at (200, 150); give each its own place" in capsys.readouterr().err
     assert not (tmp_path / "out.json").exists()

@@ -107,3 +107,19 @@ def test_python_overwrites_no_photo_of_the_session(session: Path, tmp_path: Path
         with pytest.raises(FacePoserError, match="is a photo of the session; give the picture another name"):
             face.put_back(0, path)
     assert shot.read_bytes() == before
+
+
+def test_options_may_be_repeated_and_photos_have_numbers_from_one(
+    session: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    once, twice = tmp_path / "once.json", tmp_path / "twice.json"
+    picture = ("--render", tmp_path / "o.png")
+    assert run("photo", session, *picture, "-o", once, "--set", "weight=0.5", "age=0.5") == 0
+    assert run("photo", session, *picture, "-o", twice, "--set", "weight=0.5", "--set", "age=0.5") == 0
+    assert once.read_bytes() == twice.read_bytes()
+    capsys.readouterr()
+    for number in ("0", "-1", "1.5", "x"):
+        assert run("photo", session, *picture, "--photo-number", number) == 2
+        assert "is not a whole number from 1 to 100" in capsys.readouterr().err
+    assert "The session has no photo 2" in refused(capsys, session, *picture, "--photo-number", "2")
+    assert "--add changes the present value: weight is " in refused(capsys, session, *picture, "--add", "weight=9")

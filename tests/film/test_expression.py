@@ -81,7 +81,7 @@ def test_the_longest_shot_of_a_film_with_cuts_is_used(man: FaceModel, tmp_path: 
     found = landmarks_of_film(path, man)
     assert (found.first, len(found.performance)) == (3, 6)
     assert found.notes[0].startswith(
-        "The film cuts at frame 3 (0.30 s), frame 9 (0.90 s); the longest shot with a face, from 0.30 to 0.90 s, is"
+        "The film cuts at frame 3 (0.30 s), frame 9 (0.90 s); the shot that shows a face longest, from 0.30 to 0.90 s,"
     )
     other = landmarks_of_film(path, man, span=Span(0.0, 0.3))
     assert (other.first, len(other.performance), other.notes) == (0, 3, ())

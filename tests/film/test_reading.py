@@ -103,7 +103,12 @@ def test_a_folder_and_a_gif_are_films_without_pyav(tmp_path: Path, monkeypatch: 
     images[0].save(tmp_path / "a.gif", save_all=True, append_images=images[1:], duration=[100, 100, 200, 100, 100, 100])
     film = open_film(tmp_path / "a.gif")
     assert (film.rate, film.size) == (10.0, (64, 48))
-    assert [f.number for f in film.frames(Span(), 64)] == [0, 1, 2, 4, 5, 6]
+    frames = list(film.frames(Span(), 64))
+    # The third picture is held for two frames.
+    assert [f.number for f in frames] == list(range(7))
+    assert np.array_equal(frames[3].pixels, frames[2].pixels)
+    assert not np.array_equal(frames[4].pixels, frames[3].pixels)
+    assert [f.number for f in film.frames(Span(0.3, 0.5), 64)] == [3, 4]
 
 
 def test_pyav_is_asked_for_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

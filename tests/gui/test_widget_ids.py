@@ -534,6 +534,8 @@ def visit_film(robot: Robot, folder: Path) -> None:
     assert "film:few" in robot.app.widget_rects
     robot.key("Esc")
     robot.frames(3)
+    robot.click_widget("choice:0")
+    robot.frames(3)
     assert not feature.open
 
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -368,3 +369,18 @@ def test_a_key_with_two_files_of_one_side_is_not_changed_and_others_are(keys: Ke
     assert content(keys) == before
     assert rename_key(keys, "open", "Yawn") == "yawn"
     assert list(load_keys(keys).left_out) == ["smile"]
+
+
+def test_a_key_keeps_its_name_if_the_description_cannot_be_written(
+    keys: KeyFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace(keys, visemes=("open",)).write()
+    named, before = KeyFolder.read(keys.folder), content(keys)
+
+    def full(*_: object, **__: object) -> None:
+        raise FacePoserError("The description of the keys cannot be written.")
+
+    monkeypatch.setattr("faceposer.session.key_folder.write_json", full)
+    with pytest.raises(FacePoserError, match="description of the keys"):
+        rename_key(named, "open", "Yawn")
+    assert content(keys) == before

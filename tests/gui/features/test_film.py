@@ -105,6 +105,34 @@ def test_the_film_of_a_session_is_shown_again(open_window: OpenWindow, film: Pat
     assert len(said) == 1
     assert "The film is not shown beside the face." in said[0]
     assert "moved.gif" in said[0]
+    # Once it is back, it is shown by the action, which is off until then.
+    shown = robot.app.actions["film-shown"]
+    assert not shown.checked()
+    moved.write_bytes(film.read_bytes())
+    shown.run()
+    finish_reading(robot)
+    assert shown.checked()
+    assert feature._pictures is not None
+    assert feature._pictures.at(0) is not None
+
+
+def test_the_form_comes_back_and_a_result_is_not_discarded_by_mistake(open_window: OpenWindow, film: Path) -> None:
+    robot = open_window("man", (1000, 800), pictures=False)
+    feature = robot.app.features[FilmFeature]
+    feature.open_film(film)
+    feature.start, feature.colours = "0.1", False
+    robot.frames(2)
+    robot.click_widget("film:follow")
+    finish(robot)
+    assert feature.page == "result"
+    robot.key("Esc")
+    robot.frames(2)
+    assert robot.app.dialogs.waiting[0].title == "Discard the animation of the film?"
+    robot.key("Esc")
+    robot.frames(2)
+    robot.click_widget("film:back")
+    robot.frames(2)
+    assert (feature.page, feature.start, feature.open) == ("form", "0.1", True)
 
 
 def finish_reading(robot: Robot) -> None:

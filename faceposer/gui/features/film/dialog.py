@@ -20,7 +20,7 @@ from faceposer.gui.widgets.modal import (
 )
 from faceposer.gui.widgets.pictures import Picture
 from faceposer.gui.widgets.sliders import row_label
-from faceposer.gui.widgets.text import displayed
+from faceposer.gui.widgets.text import shortened
 from faceposer.gui.widgets.theme import BAD, em
 from faceposer.gui.widgets.tooltips import tooltip
 
@@ -68,11 +68,12 @@ class FilmDialog:
         modal_title(context.fonts, _TITLE)
         with modal_body(_FORM):
             caption(
-                "The largest face is followed through the longest shot; frames in which it is turned by more than 60 "
-                "degrees are filled in from those around. The motion of the head is not part of the animation."
+                "The largest face is followed through the shot that shows a face longest; frames in which it is turned "
+                "by more than 60 degrees are filled in from those around. The motion of the head is not part of the "
+                "animation."
             )
             row_label("Film", width=_LABEL)
-            imgui.text_unformatted(displayed(film.path.name))
+            imgui.text_unformatted(shortened(film.path.name, imgui.get_content_region_avail().x))
             tooltip(str(film.path))
             row_label("", width=_LABEL)
             imgui.text_unformatted(_length_of(film))
@@ -144,14 +145,16 @@ class FilmDialog:
         buttons = (
             *([("few", counted(n_few, "key"))] if n_few < n_all else []),
             ("all", "Every frame"),
+            ("back", "Back"),
             ("cancel", "Discard"),
         )
         modal_title(state.context.fonts, "How many keys?")
         with modal_body(buttons):
+            few = f" With {counted(n_few, 'key')}, differences are small, and the animation is easier to edit."
             wrapped_text(
                 f"The animation has {counted(len(performance), 'frame')} at {performance.rate:.5g} fps, "
-                f"{performance.seconds:.2f} s. With {counted(n_few, 'key')}, differences are small, and the animation "
-                "is easier to edit. A key at every frame keeps the animation unchanged."
+                f"{performance.seconds:.2f} s.{few if n_few < n_all else ''} A key at every frame keeps the animation "
+                "unchanged."
             )
             for note in result.found.notes:
                 caption(note)
@@ -161,7 +164,9 @@ class FilmDialog:
         elif modal_entered():
             pressed = buttons[0][0]
         if pressed == "cancel":
-            state.close_dialog()
+            state.ask_to_discard()
+        elif pressed == "back":
+            state.back()
         elif pressed:
             state.take(pressed == "few")
 

@@ -51,6 +51,8 @@ class FilmFeature(FilmState, WorkFeature):
         # Pictures of the film of the animation, and what they were read of.
         self._pictures: Stills | None = None
         self._read_of: FilmSource | None = None
+        # The film that could not be read when it was looked for last.
+        self._failed: FilmSource | None = None
         self._reading: ThreadJob[None] | None = None
         self._picture = Picture()
 
@@ -78,7 +80,7 @@ class FilmFeature(FilmState, WorkFeature):
                 self.toggle,
                 (),
                 lambda: self._source is not None,
-                lambda: self._source is not None and self.visible,
+                lambda: self._source is not None and self.visible and self._source != self._failed,
                 help="Show the frames of the film beside the face that follows it",
             ),
         )
@@ -160,8 +162,11 @@ class FilmFeature(FilmState, WorkFeature):
     # The film beside the face
 
     def toggle(self) -> None:
-        """Show or hide the film."""
-        self.visible = not self.visible
+        """Show or hide the film; one that could not be read is looked for again."""
+        if self._source is not None and self._source == self._failed:
+            self.visible, self._failed, self._read_of = True, None, None
+        else:
+            self.visible = not self.visible
         self.context.redraw()
 
     @property
@@ -177,6 +182,7 @@ class FilmFeature(FilmState, WorkFeature):
             self._reading = None
             self.context.redraw()
             if isinstance(job.error, FacePoserError):
+                self._failed = self._read_of
                 self.context.notify(f"The film is not shown beside the face. {job.error}")
             elif job.error is not None:
                 raise job.error

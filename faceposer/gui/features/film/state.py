@@ -9,6 +9,7 @@ from faceposer.animation.keyframes import Keyframes
 from faceposer.errors import FacePoserError
 from faceposer.film.film import Film, Span, check_span, seconds_of
 from faceposer.gui.context import EditorContext
+from faceposer.gui.widgets.dialogs import Choice, Question
 from faceposer.model.face_model import FaceModel
 from faceposer.progress import Progress
 from faceposer.session.jobs import ThreadJob
@@ -94,6 +95,17 @@ class FilmState:
         work = partial(_work, self.film.path, self.context.session.model, span, self.colours, self.stills)
         self.job = ThreadJob(work, self.context.wake, "Opening the film")
         self.context.redraw()
+
+    def back(self) -> None:
+        """Return to the form, with its part as it was, and forget the result."""
+        self.result = None
+        self.context.redraw()
+
+    def ask_to_discard(self) -> None:
+        """Close the dialog after a question, since the result is lost."""
+        choices = (Choice("Discard", self.close_dialog), Choice("Cancel"))
+        text = "To have it again, the film has to be followed again."
+        self.context.dialogs.ask(Question("Discard the animation of the film?", text, choices, default=1))
 
     def stop(self) -> None:
         """Cancel the work; the animation stays as it is."""

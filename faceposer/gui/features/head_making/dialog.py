@@ -23,7 +23,7 @@ from faceposer.gui.widgets.modal import (
     modal_title,
 )
 from faceposer.gui.widgets.sliders import row_label
-from faceposer.gui.widgets.text import displayed
+from faceposer.gui.widgets.text import displayed, shortened
 from faceposer.gui.widgets.theme import BAD, Icon, em
 from faceposer.gui.widgets.tooltips import tooltip
 
@@ -143,7 +143,7 @@ class HeadDialog:
             rects.record(f"{prefix}:{i}:remove")
             tooltip(f"Remove this {words.noun}")
             imgui.same_line()
-            imgui.text_unformatted(displayed(Path(path).name))
+            imgui.text_unformatted(shortened(Path(path).name, imgui.get_content_region_avail().x))
             # Recorded so that tooltips of other rows do not cover it.
             rects.record(f"{prefix}:{i}:name")
             tooltip(path)

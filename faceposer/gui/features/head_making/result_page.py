@@ -79,7 +79,7 @@ class ResultPage:
             imgui.set_next_item_width(-1.0)
             _, share = slider("##wipe", 100.0 * self.wiped, 0.0, 100.0, "%.0f %%")
             rects.record(f"{self._prefix}:wipe")
-            tooltip("Share of the width that shows the photo; the line in the picture can be dragged, too")
+            tooltip("Share of the width before the line, which can be dragged in the picture, too")
             self.wiped = min(max(0.01 * share, 0.0), 1.0)
         if result.doubt:
             imgui.push_style_color(imgui.Col_.text, WARNING)

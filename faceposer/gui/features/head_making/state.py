@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faceposer.errors import FacePoserError
+from faceposer.files import paths as files
 from faceposer.gui.context import EditorContext
 from faceposer.gui.features.head_making.contents import H, M, Words
 from faceposer.gui.features.head_making.landmark_edit import LandmarkEdit
@@ -141,6 +142,8 @@ class HeadMaking(Generic[M, H]):
         new = [str(path) for path in paths if path.name not in foreign and str(path) not in self.files]
         room = _MOST_FILES - len(self.files)
         self.files += new[:room]
+        if new:
+            self.context.settings.folder = str(files.resolved(Path(new[0]).parent))
         if new and not self.title:
             self.title = Path(new[0]).stem.replace("_", " ").replace("-", " ").strip().title()
         self.error = ""

@@ -63,6 +63,9 @@ class ChangedPhotoFeature(WorkFeature):
         context, photo = self.context, self.context.feature(PhotoFeature).photo
         if photo is None:
             return
+        if not paths.is_file(Path(photo.path)):
+            self._report(f"There is no photo '{photo.path}' any more; put it back.")
+            return
         folder = Path(photo.path).parent
         start = folder if paths.can_enter(folder) else last_folder(context.settings)
         place = start / f"{Path(photo.path).stem}-changed.png"
