@@ -186,6 +186,6 @@ def test_pins_from_a_file(tmp_path: Path) -> None:
     path.write_text("{")
     with pytest.raises(FacePoserError, match="not valid JSON"):
         read_pins(path)
-    with pytest.raises(FacePoserError, match="cannot be read"):
+    with pytest.raises(FacePoserError, match="There is no file of pins"):
         read_pins(tmp_path / "none.json")
     assert replace(photo(), path="/x/y.jpg").name == "y.jpg"
