@@ -93,6 +93,18 @@ def picture_sequence_steps(
             yield (frame + 1) / shot.count
 
 
+def usual_rate(suffix: str, animation: float | None) -> float:
+    """Return the frame rate of a video with this ``suffix``: that of the ``animation``, if any, and at most 25 in GIF.
+
+    Args:
+        suffix: ".gif" or another one.
+        animation: Frames per second of the animation; None for a turntable of a pose.
+    """
+    if suffix.lower() == ".gif":
+        return _GIF_RATE if animation is None else min(animation, _GIF_RATE)
+    return _VIDEO_RATE if animation is None else animation
+
+
 def gif_steps(
     path: Path,
     model: FaceModel,
@@ -116,7 +128,7 @@ def gif_steps(
         FacePoserError: If the video would be too long or too large, the file cannot be written, or there is no OpenGL.
     """
     width, height = options.size
-    rate = options.rate or (min(motion.rate, _GIF_RATE) if isinstance(motion, Performance) else _GIF_RATE)
+    rate = options.rate or usual_rate(path.suffix, motion.rate if isinstance(motion, Performance) else None)
     shot = _Shot(model, motion, options, (width, height), min(rate, MAX_GIF_RATE))
     if shot.count * width * height > _MAX_GIF_PIXELS:
         raise FacePoserError(
@@ -140,7 +152,7 @@ def mp4_steps(
     """
     # MP4 stores colours at half the resolution, so that both sides must be even.
     size = (max(options.size[0] // 2, 1) * 2, max(options.size[1] // 2, 1) * 2)
-    rate = options.rate or (motion.rate if isinstance(motion, Performance) else _VIDEO_RATE)
+    rate = options.rate or usual_rate(path.suffix, motion.rate if isinstance(motion, Performance) else None)
     shot = _Shot(model, motion, options, size, rate)
     find_ffmpeg()
     with _pose_renderer(model, options, shot.size, ctx) as renderer:

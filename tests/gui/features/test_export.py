@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from faceposer.animation.keyframes import Keyframes
 from faceposer.geometry.mesh_io import read_mesh
 from faceposer.gui.app import App
 from faceposer.gui.events import Drop
@@ -17,6 +18,7 @@ from faceposer.gui.widgets.file_request import FileRequest
 from faceposer.interchange.formats import write
 from faceposer.model.performance import Performance
 from faceposer.render.options import OutputOptions
+from faceposer.render.shots import usual_rate
 from faceposer.training.capture import read_capture
 from tests.windows import OpenWindow
 
@@ -450,3 +452,20 @@ def test_an_answer_of_the_systems_dialog_follows_the_same_rule(robot: Robot, tmp
     assert dialogs.browsing, "nobody has been asked about old.obj"
     assert dialogs._browser.message == "'old.obj' already exists; press Replace to overwrite it."
     assert len(saved) == 4
+
+
+def test_a_video_has_the_rate_of_the_animation_unless_one_is_typed(robot: Robot, tmp_path: Path) -> None:
+    app = robot.app
+    model = app.session.model
+    keyframes = Keyframes(rate=30.0, length=12).with_key(0, model.neutral())
+    app.session.animation.load(keyframes.with_key(11, model.coefficients_of({"jawOpen": 0.5})), "Animation")
+    exchange = exchange_of(app)
+    exchange.form.suffix, exchange.form.width, exchange.form.height = ".gif", 64, 48
+    assert exchange.form.rate is None
+    exchange.export(tmp_path / "a.gif")
+    while exchange.job is not None:
+        robot.frames()
+    assert usual_rate(".gif", 30.0) == 25.0
+    assert usual_rate(".mp4", 30.0) == 30.0
+    with Image.open(tmp_path / "a.gif") as video:
+        assert video.info["duration"] == 40

@@ -22,6 +22,7 @@ from faceposer.gui.widgets.theme import em
 from faceposer.gui.widgets.tooltips import tooltip
 from faceposer.gui.widgets.widget_rects import WidgetRects
 from faceposer.interchange.formats import FORMATS
+from faceposer.render.shots import usual_rate
 from faceposer.session.jobs import Job
 
 _WIDTH, _LABEL = 36.0, 7.0
@@ -112,7 +113,9 @@ def _draw_options(context: EditorContext, form: ExportForm, animated: bool) -> N
     if chosen.drawn:
         _draw_image_options(rects, form)
     if chosen.holds == "film":
-        _draw_video_options(rects, form, animated and form.animated)
+        keyed = animated and form.animated
+        rate = context.session.animation.keyframes.rate if keyed else None
+        _draw_video_options(rects, form, keyed, round(usual_rate(form.suffix, rate)))
 
 
 def _draw_content_options(rects: WidgetRects, form: ExportForm, animated: bool) -> None:
@@ -148,7 +151,7 @@ def _draw_image_options(rects: WidgetRects, form: ExportForm) -> None:
         tooltip("Write an alpha channel in place of the background")
 
 
-def _draw_video_options(rects: WidgetRects, form: ExportForm, animated: bool) -> None:
+def _draw_video_options(rects: WidgetRects, form: ExportForm, animated: bool, usual: int) -> None:
     row_label("Turntable", "Turn of the camera around the head", _LABEL)
     if animated:
         _, form.turning = imgui.checkbox("##turning", form.turning)
@@ -165,9 +168,10 @@ def _draw_video_options(rects: WidgetRects, form: ExportForm, animated: bool) ->
     imgui.text_disabled("seconds")
     row_label("Frame rate", "Frames per second of the video", _LABEL)
     imgui.set_next_item_width(em(9))
-    _, form.rate = imgui.input_int("##rate", form.rate)
+    changed, rate = imgui.input_int("##rate", form.rate or usual)
     rects.record("export:rate")
-    form.rate = min(max(form.rate, 1), _FASTEST)
+    if changed:
+        form.rate = min(max(rate, 1), _FASTEST)
     imgui.same_line()
     imgui.text_disabled("frames per second")
 

@@ -169,7 +169,7 @@ class ExportFeature(Feature):
             options = OutputOptions(
                 size=(form.width, form.height),
                 turn=form.seconds if form.turning or still else 0.0,
-                rate=float(form.rate) if chosen.holds == "film" else None,
+                rate=float(form.rate) if form.rate is not None and chosen.holds == "film" else None,
                 shading=context.shading,
                 orbit=context.viewport.view,
                 expression_lines=context.settings.expression_lines,

@@ -14,7 +14,7 @@ class ExportForm:
         height: Height of images in pixels.
         turning: True if the camera rotates around the head while the animation plays; for a pose it always does.
         seconds: Duration of a turn in seconds.
-        rate: Frames per second of videos.
+        rate: Frames per second of videos; None for the usual rate of the format and the animation.
         transparent: True if images have an alpha channel in place of the background.
     """
 
@@ -24,5 +24,5 @@ class ExportForm:
     height: int = 640
     turning: bool = False
     seconds: float = 4.0
-    rate: int = 25
+    rate: int | None = None
     transparent: bool = False

@@ -79,6 +79,7 @@ class FilmDialog:
             imgui.text_unformatted(_length_of(film))
             row_label("Part", "Times in seconds, or as 1:02.5; empty for the beginning and the end of the film", _LABEL)
             imgui.set_next_item_width(em(_TIME))
+            before = (state.start, state.end)
             _, state.start = text_field("##from", state.start, "beginning")
             rects.record(f"{_PREFIX}:from")
             tooltip("Time at which the part begins")
@@ -89,6 +90,8 @@ class FilmDialog:
             _, state.end = text_field("##to", state.end, "end")
             rects.record(f"{_PREFIX}:to")
             tooltip("Time at which the part ends")
+            if (state.start, state.end) != before:
+                state.error = ""
             row_label("", width=_LABEL)
             _, state.colours = imgui.checkbox("Follow colours", state.colours)
             rects.record(f"{_PREFIX}:colours")
