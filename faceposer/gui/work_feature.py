@@ -1,7 +1,10 @@
 """Features with a dialog whose work is done in the background."""
 
+from typing import Any
+
 from faceposer.gui.feature import Feature
 from faceposer.gui.widgets.dialogs import Choice, Question
+from faceposer.session.jobs import Job
 
 
 class WorkFeature(Feature):
@@ -17,6 +20,13 @@ class WorkFeature(Feature):
     def working(self) -> str:
         """What is being done in the background, as a sentence, or ""."""
         raise NotImplementedError
+
+    def ended(self, job: Job[Any]) -> bool:
+        """Return True once ``job`` has ended; until then, its progress is drawn."""
+        done = job.done
+        # One frame only before, unlike after an event: the progress advances many times per second.
+        self.context.redraw(3 if done else 1)
+        return done
 
     @property
     def patience(self) -> float:

@@ -134,13 +134,9 @@ class FilmFeature(FilmState, WorkFeature):
         """
         self._keep_pictures()
         job = self.job
-        if job is None:
-            return
-        self.context.redraw(1)
-        if not job.done:
+        if job is None or not self.ended(job):
             return
         self.job = None
-        self.context.redraw()
         self.result, self.error = outcome(job, "choose a shorter part of the film.")
 
     def take(self, few: bool) -> None:

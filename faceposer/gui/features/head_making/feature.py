@@ -84,13 +84,9 @@ class HeadMakingFeature(HeadMaking[M, H], WorkFeature):
             Exception: The error of the work, unless the user can resolve it; then the dialog shows it.
         """
         job = self.job
-        if job is None:
-            return
-        self.context.redraw(1)
-        if not job.done:
+        if job is None or not self.ended(job):
             return
         finding, fitting, self.finding, self.fitting = self.finding, self.fitting, None, None
-        self.context.redraw()
         remedy = "use fewer or smaller files."
         if finding is not None:
             found, self.error = outcome(finding, remedy)

@@ -107,13 +107,9 @@ class ChangedPhotoFeature(WorkFeature):
             Exception: The error of the work, unless the user can resolve it; then a dialog shows it.
         """
         job = self.job
-        if job is None:
-            return
-        self.context.redraw(1)
-        if not job.done:
+        if job is None or not self.ended(job):
             return
         self.job, self.open = None, False
-        self.context.redraw()
         path, problem = outcome(job, "close other programs, or use a smaller photo.")
         if problem:
             self._report(problem)
